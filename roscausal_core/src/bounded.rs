@@ -15,9 +15,14 @@ pub const MODEL: u64 = 512 << 20;
 /// The bytes of a file of at most `most`.
 ///
 /// # Errors
-/// A file that cannot be read, or is larger.
+/// A file that cannot be read, is larger, or is no ordinary one: whoever opens a pipe waits for its writer. What a shell hands over
+/// (`<(...)`) has one.
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
+    let is_of_shell = path.starts_with("/dev/fd") || path.starts_with("/proc/self/fd");
+    if !is_of_shell && path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+        return Err(Error::file(path, "not an ordinary file; give one"));
+    }
     let file = File::open(path).map_err(|e| Error::file(path, e))?;
     file.take(most + 1).read_to_end(&mut bytes).map_err(|e| Error::file(path, e))?;
     if bytes.len() as u64 > most {
@@ -73,6 +78,12 @@ mod tests {
     #[test]
     fn a_file_is_read_up_to_its_bound() {
         let dir = tempfile::tempdir().expect("a folder");
+        assert!(
+            read(Path::new("/dev/zero"), 10)
+                .expect_err("no end")
+                .to_string()
+                .contains("not an ordinary file")
+        );
         let path = dir.path().join("settings.toml");
         std::fs::write(&path, "#".repeat(1 << 20)).expect("writes");
         assert_eq!(read_settings(&path).expect("fits").len(), 1 << 20);

@@ -114,7 +114,7 @@ mod tests {
         let lfs = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 123456\n";
         let mut tar = vec![0; 512];
         tar[257..262].copy_from_slice(b"ustar");
-        for (first, told) in [
+        for (first, reported) in [
             (&lfs[..], "Git LFS pointer to a file of 123456 bytes, not the file; get it with 'git lfs pull'"),
             (b"/annex/objects/SHA256E-s12--ab.bag\n", "'git annex get'"),
             (b"\n <HTML><body>404", "this is a web page"),
@@ -131,15 +131,15 @@ mod tests {
             (b"MATLAB 5.0 MAT-file", "scipy.io.loadmat"),
         ] {
             let found = not_data(first);
-            assert!(found.as_deref().is_some_and(|found| found.contains(told)), "{found:?}: {told}");
+            assert!(found.as_deref().is_some_and(|found| found.contains(reported)), "{found:?}: {reported}");
         }
     }
 
     #[test]
     fn a_recording_in_a_pipe_and_bytes_that_are_no_text_are_told() {
-        assert!(not_a_table(b"\x89MCAP0\r\n").is_some_and(|told| told.contains("recording")));
-        assert!(not_a_table(b"#ROSBAG V2.0\n").is_some_and(|told| told.contains("by its name")));
-        assert!(not_a_table(b"a,b\n1\x00,2\n").is_some_and(|told| told.contains("not text")));
+        assert!(not_a_table(b"\x89MCAP0\r\n").is_some_and(|reported| reported.contains("recording")));
+        assert!(not_a_table(b"#ROSBAG V2.0\n").is_some_and(|reported| reported.contains("by its name")));
+        assert!(not_a_table(b"a,b\n1\x00,2\n").is_some_and(|reported| reported.contains("not text")));
         assert_eq!(not_a_table(b"# caf\xc3\xa9\r\ntime\ta\x0b\n0,1\n"), None);
     }
 

@@ -13,7 +13,7 @@ use std::{
     time::Duration,
 };
 
-use roscausal_discovery::{Control, LinkMark, Matrices, Model, Settings};
+use roscausal_discovery::{Control, FoundBy, LinkMark, Matrices, Model, Settings};
 use serde::Deserialize;
 
 use crate::{Error, Result, params::nearest};
@@ -27,7 +27,7 @@ struct Answer {
     features: Vec<String>,
     val_matrix: Vec<Vec<Vec<f64>>>,
     p_matrix: Vec<Vec<Vec<f64>>>,
-    graph: Option<Vec<Vec<Vec<String>>>>,
+    graph: Option<Vec<Vec<Vec<LinkMark>>>>,
 }
 
 /// The program of the method `name` in the folder `dir`.
@@ -36,10 +36,8 @@ struct Answer {
 /// A name that leaves the folder, or no such program; the message lists those that exist.
 pub fn program(dir: &Path, name: &str) -> Result<PathBuf> {
     if name.contains(['/', '\\']) || name.starts_with('.') {
-        return Err(Error::param(
-            "cd_method",
-            format!("'{name}' is not the name of a program in {}", dir.display()),
-        ));
+        let reason = format!("'{name}' is not the name of a program in {}", dir.display());
+        return Err(Error::param("cd_method", reason));
     }
     let path = dir.join(name);
     if path.is_file() {
@@ -121,10 +119,8 @@ fn wait(child: &mut Child, program: &Path, control: &Control) -> Result<()> {
             return if status.success() {
                 Ok(())
             } else {
-                Err(Error::file(
-                    program,
-                    format!("the method failed ({status}); its own words are on stderr"),
-                ))
+                let reason = format!("the method failed ({status}); its own words are on stderr");
+                Err(Error::file(program, reason))
             };
         }
         if let Err(stopped) = control.check() {
@@ -143,14 +139,11 @@ fn model(answer: Answer, method: String, settings: &Settings) -> std::result::Re
     let found = |i: usize, j: usize, lag: usize| {
         lag >= settings.tau_min && answer.p_matrix[i][j][lag] <= settings.alpha && (lag > 0 || i != j)
     };
-    let mark = |i: usize, j: usize, lag: usize| {
-        let mark = match (found(i, j, lag), lag == 0 && found(j, i, lag)) {
-            (true, true) => LinkMark::Unoriented,
-            (true, false) => LinkMark::Forward,
-            (false, true) => LinkMark::Backward,
-            (false, false) => LinkMark::Absent,
-        };
-        mark.symbol().to_owned()
+    let mark = |i: usize, j: usize, lag: usize| match (found(i, j, lag), lag == 0 && found(j, i, lag)) {
+        (true, true) => LinkMark::Unoriented,
+        (true, false) => LinkMark::Forward,
+        (false, true) => LinkMark::Backward,
+        (false, false) => LinkMark::Absent,
     };
     let of = |i, j| (0..=settings.tau_max).map(|lag| mark(i, j, lag)).collect();
     let graph = answer.graph.unwrap_or_else(|| (0..n).map(|i| (0..n).map(|j| of(i, j)).collect()).collect());
@@ -158,7 +151,7 @@ fn model(answer: Answer, method: String, settings: &Settings) -> std::result::Re
     let matrices =
         Matrices { graph, val_matrix: answer.val_matrix, p_matrix: answer.p_matrix, ..Matrices::default() };
     // What the program filters, it alone knows.
-    let blank = Model { method, f_alpha: None, ..settings.blank_model() };
+    let blank = Model { method: FoundBy::Program(method), f_alpha: None, ..settings.blank_model() };
     let model = blank.with_matrices(answer.features, matrices);
     model.check().map_err(|error| error.to_string())?;
     Ok(model)
@@ -196,7 +189,7 @@ mod tests {
         let (_dir, path) = script(&format!("cat > /dev/null; echo '{answer}'"));
         let model = run(&path, &[], &Settings::default(), 1, &Control::default()).expect("runs");
         assert_eq!(model.links.len(), 1);
-        assert_eq!((model.method.as_str(), model.f_alpha), ("method", None));
+        assert_eq!((model.method.name(), model.f_alpha), ("method", None));
         assert_eq!((model.links[0].cause.as_str(), model.links[0].effect.as_str()), ("a", "b"));
     }
 
@@ -226,7 +219,7 @@ mod tests {
             let of =
                 |[ab, ba]: [f64; 2], none: f64| vec![vec![vec![none], vec![ab]], vec![vec![ba], vec![none]]];
             let graph = graph.map(|[ab, ba]| {
-                let mark = |mark: &str| vec![mark.to_owned()];
+                let mark = |mark: &str| vec![mark.parse().expect("a mark")];
                 vec![vec![mark(""), mark(ab)], vec![mark(ba), mark("")]]
             });
             let features = names.map(str::to_owned).to_vec();
@@ -234,17 +227,17 @@ mod tests {
         };
         let model = |given| super::model(given, "method".into(), &settings);
         let marks = |p| model(answer(p, None, ["a", "b"])).expect("a model").graph.concat().concat();
-        assert_eq!(marks([0.01, 0.01]), ["", "o-o", "o-o", ""]);
-        assert_eq!(marks([0.9, 0.01]), ["", "<--", "-->", ""]);
-        for (told, given) in [
+        let read = |symbols: [&str; 4]| symbols.map(|mark| mark.parse::<LinkMark>().expect("a mark"));
+        assert_eq!(marks([0.01, 0.01]), read(["", "o-o", "o-o", ""]));
+        assert_eq!(marks([0.9, 0.01]), read(["", "<--", "-->", ""]));
+        for (reported, given) in [
             ("the other way round", answer([0.01; 2], Some(["-->", ""]), ["a", "b"])),
-            ("not a mark", answer([0.01; 2], Some(["->", "<-"]), ["a", "b"])),
             ("not a number from 0 to 1", answer([-1.0, 0.5], None, ["a", "b"])),
             ("there twice", answer([0.5; 2], None, ["a", "a"])),
             ("no name", answer([0.5; 2], None, ["a", ""])),
         ] {
-            let error = model(given).expect_err(told);
-            assert!(error.contains(told), "{error}");
+            let error = model(given).expect_err(reported);
+            assert!(error.contains(reported), "{error}");
         }
     }
 

@@ -10,9 +10,9 @@ use std::{
 };
 
 use crate::{
-    Time,
+    Message, Result, Time,
     gate::{lock, wait},
-    middleware::Middleware,
+    middleware::{Middleware, Qos},
 };
 
 pub use crate::middleware::Consumer;
@@ -124,6 +124,21 @@ impl<E: Send + 'static> Inbox<E> {
     /// A handle that sends into this inbox.
     pub fn sender(&self) -> Sender<E> {
         Sender { shared: Arc::downgrade(&self.shared) }
+    }
+
+    /// Subscribes to a topic: `event` makes an event of each message.
+    ///
+    /// # Errors
+    /// A topic that cannot be used.
+    pub fn subscribe<M: Middleware, T: Message>(
+        &self,
+        mw: &M,
+        topic: &str,
+        qos: Qos,
+        mut event: impl FnMut(T) -> E + Send + 'static,
+    ) -> Result<M::Subscription> {
+        let sender = self.sender();
+        mw.subscribe(topic, qos, move |message| sender.send(event(message)))
     }
 
     /// Waits for the next event, for `deadline` on the middleware's clock, or for the end of the node. Blocks the

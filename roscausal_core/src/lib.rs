@@ -3,13 +3,13 @@
 
 pub mod batch;
 pub mod bounded;
+pub mod conformance;
 pub mod content;
 pub mod error;
 pub mod external;
 pub mod gate;
 mod grammar;
 pub mod inbox;
-pub mod laws;
 pub mod loopback;
 pub mod memory;
 pub mod middleware;
@@ -21,7 +21,7 @@ pub mod state;
 pub mod threads;
 
 pub use error::{Error, Result, spell_out_panics};
-#[doc(hidden)]
-pub use roscausal_discovery::mix;
 pub use roscausal_discovery::visible;
+#[doc(hidden)]
+pub use roscausal_discovery::{mix, with_defaults};
 pub use roscausal_msgs::{Message, Time};

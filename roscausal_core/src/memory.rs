@@ -46,11 +46,8 @@ impl Memory {
         if needed <= self.bytes {
             return Ok(());
         }
-        Err(format!(
-            "reading it takes more than {} of memory; split it, or allow more with {}",
-            size(self.bytes),
-            Named("max_memory")
-        ))
+        let (size, flag) = (size(self.bytes), Named("max_memory"));
+        Err(format!("reading it takes more than {size} of memory; split it, or allow more with {flag}"))
     }
 
     /// Checks that what was made of `packed` bytes fits, and did not grow beyond what data do.
@@ -139,9 +136,9 @@ impl Growth {
 
 /// Memory that is free for this process, bytes: on this machine, in its container, and by its own limit.
 fn free() -> u64 {
-    let told = fs::read_to_string("/proc/meminfo").ok();
+    let reported = fs::read_to_string("/proc/meminfo").ok();
     let line =
-        told.as_deref().and_then(|text| text.lines().find_map(|line| line.strip_prefix("MemAvailable:")));
+        reported.as_deref().and_then(|text| text.lines().find_map(|line| line.strip_prefix("MemAvailable:")));
     let kilobytes = line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok());
     let free = kilobytes.map_or(USUAL, |kilobytes| kilobytes * 1024);
     let container = fs::read_to_string("/sys/fs/cgroup/memory.max").ok();
@@ -171,10 +168,10 @@ mod tests {
             read.map(|out| out.len() as u64).map_err(|error| (error.kind(), error.to_string()))
         };
         assert_eq!(unpack(Some(1 << 20), 1 << 20, 10), Ok(1 << 20));
-        let (kind, told) = unpack(Some(1 << 20), u64::MAX, 10).expect_err("it has no end");
-        assert!(kind == ErrorKind::FileTooLarge && told.contains("max_memory"), "{told}");
-        let (kind, told) = unpack(Some(u64::MAX), u64::MAX, 10).expect_err("it has no end");
-        assert!(kind == ErrorKind::FileTooLarge && told.contains("268 MB in 10 bytes"), "{told}");
+        let (kind, reported) = unpack(Some(1 << 20), u64::MAX, 10).expect_err("it has no end");
+        assert!(kind == ErrorKind::FileTooLarge && reported.contains("max_memory"), "{reported}");
+        let (kind, reported) = unpack(Some(u64::MAX), u64::MAX, 10).expect_err("it has no end");
+        assert!(kind == ErrorKind::FileTooLarge && reported.contains("268 MB in 10 bytes"), "{reported}");
         assert_eq!(most_grown(1 << 20), 1000 << 20);
         assert!(Memory::of(None).bytes() > 1 << 20);
     }
@@ -196,7 +193,7 @@ mod tests {
     #[test]
     #[cfg(target_os = "linux")]
     fn a_device_without_an_end_is_read_up_to_the_limit() {
-        let told = Memory::of(Some(5_000_000)).read(Path::new("/dev/zero")).expect_err("no end");
-        assert!(told.to_string().contains("more than 5 MB of memory"), "{told}");
+        let reported = Memory::of(Some(5_000_000)).read(Path::new("/dev/zero")).expect_err("no end");
+        assert!(reported.to_string().contains("more than 5 MB of memory"), "{reported}");
     }
 }

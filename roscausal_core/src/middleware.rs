@@ -2,7 +2,7 @@
 //!
 //! It is small and synchronous. It leaves out logging (nodes use the `tracing` facade, and a backend forwards to
 //! `/rosout`) and TF (`/tf` and `/tf_static` are ordinary topics). [`crate::loopback`] implements it within one
-//! process; ROS 1 and ROS 2 implement it in crates of their own. Every implementation must pass [`crate::laws`].
+//! process; ROS 1 and ROS 2 implement it in crates of their own. Every implementation must pass [`crate::conformance`].
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
@@ -250,7 +250,8 @@ pub trait Middleware: Clone + Send + Sync + 'static {
 }
 
 impl Params {
-    /// Reads and checks every parameter of `specs`. A parameter that is not set has its default.
+    /// Reads and checks every parameter of `specs`. A parameter that is not set has its default. In a namespace the robot is the one
+    /// of that name, and the usual folders are its own (`Params::in_namespace`).
     ///
     /// # Errors
     /// The first parameter that is not allowed, or a parameter server that cannot be reached.
@@ -267,8 +268,30 @@ impl Params {
             let hint = near.map_or(String::new(), |near| format!("; did you mean '{near}'?"));
             tracing::warn!("{}: there is no parameter '{name}'{hint}", mw.node_name());
         }
-        Ok(Self { values })
+        Ok(Self { values }.in_namespace(namespace_of(&mw.node_name()), specs))
     }
+
+    /// What follows from the node's namespace where nothing is set: with several robots each has its own topics, batches and model.
+    fn in_namespace(mut self, namespace: &str, specs: &[ParamSpec]) -> Self {
+        let name = namespace.trim_start_matches('/');
+        for spec in specs.iter().filter(|_| !name.is_empty()) {
+            let Value::Str(default) = &spec.default else { continue };
+            let its_own = match (spec.name, default.strip_prefix("~/roscausal/")) {
+                ("robot", _) => name.to_owned(),
+                (_, Some(folder)) => format!("~/roscausal/{name}/{folder}"),
+                _ => continue,
+            };
+            if let Some(value) = self.values.get_mut(spec.name).filter(|value| **value == spec.default) {
+                *value = Value::Str(its_own);
+            }
+        }
+        self
+    }
+}
+
+/// The namespace of a node with this full name, such as `/r1`; empty: the root.
+pub fn namespace_of(node: &str) -> &str {
+    node.rfind('/').map_or("", |end| &node[..end])
 }
 
 /// The names that no specification has, each with the nearest existing name.
@@ -283,6 +306,24 @@ fn unknown<'a>(set: &'a [String], specs: &[ParamSpec]) -> Vec<(&'a str, Option<S
 mod tests {
     use super::*;
     use crate::{loopback::Loopback, params::Allowed};
+
+    #[test]
+    fn a_node_in_a_namespace_is_of_the_robot_of_that_name_and_has_its_own_folders() {
+        let specs = ["robot", "data_dir", "frame"].map(|name| {
+            let default = if name == "data_dir" { "~/roscausal/data_pool" } else { "" };
+            ParamSpec::new(name, Value::Str(default.into()), Allowed::Any, "")
+        });
+        let of = |node: &str, set: &[(&str, &str)]| {
+            let bus = Loopback::lockstep();
+            set.iter().for_each(|(name, value)| bus.set_node_param(node, name, Value::Str((*value).into())));
+            let params = Params::read(&bus.node(node), &specs).expect("are allowed");
+            [params.text("robot"), params.text("data_dir"), params.text("frame")]
+        };
+        assert_eq!(of("data", &[]), ["", "~/roscausal/data_pool", ""]);
+        assert_eq!(of("r1/data", &[]), ["r1", "~/roscausal/r1/data_pool", ""]);
+        assert_eq!(of("r1/data", &[("robot", "r2"), ("data_dir", "/x")]), ["r2", "/x", ""]);
+        assert_eq!((namespace_of("/a/b/data"), namespace_of("/data")), ("/a/b", ""));
+    }
 
     #[test]
     fn a_parameter_that_no_node_has_is_told_with_the_nearest_that_there_is() {

@@ -145,18 +145,14 @@ impl ParamSpec {
         };
         match &self.allowed {
             Allowed::Range(low, high) if !value.as_double().is_some_and(|v| v >= *low && v <= *high) => {
-                Err(Error::param(
-                    self.name,
-                    format!("{value} is not allowed; give a number from {low} to {high}"),
-                ))
+                let reason = format!("{value} is not allowed; give a number from {low} to {high}");
+                Err(Error::param(self.name, reason))
             }
             Allowed::OneOf(words) if !words.contains(&value.to_string().as_str()) => {
                 let hint = nearest(words, &value.to_string());
                 let hint = hint.map_or(String::new(), |near| format!("did you mean '{near}'? "));
-                Err(Error::param(
-                    self.name,
-                    format!("'{value}' is unknown; {hint}allowed: {}", words.join(", ")),
-                ))
+                let reason = format!("'{value}' is unknown; {hint}allowed: {}", words.join(", "));
+                Err(Error::param(self.name, reason))
             }
             _ => Ok(value),
         }

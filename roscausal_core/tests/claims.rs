@@ -106,13 +106,13 @@ fn cases() -> Vec<(&'static str, &'static str, Vec<u8>)> {
 fn a_claim_takes_no_memory_and_is_told_in_one_sentence() {
     let dir = tempfile::tempdir().expect("a folder");
     let reading = Reading { max_memory: Some(LIMIT), ..Reading::default() };
-    for (name, told, content) in cases() {
+    for (name, reported, content) in cases() {
         let path = dir.path().join(name);
         std::fs::write(&path, &content).expect("writes");
         assert!(content.len() < LIMIT as usize, "{name}: the file itself would be too long");
         let (read, held) = peak_of(|| Table::read_as(&path, &reading).map_err(|error| error.to_string()));
         let error = read.expect_err(name);
-        assert!(error.contains(told), "{name}: {error}");
+        assert!(error.contains(reported), "{name}: {error}");
         assert!(error.len() < 600 && !error.trim().contains('\n'), "{name}: {} bytes", error.len());
         assert!(held < MOST_HELD, "{name}: {held} bytes for {}", content.len());
     }

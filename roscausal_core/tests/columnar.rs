@@ -24,7 +24,7 @@ fn read(path: &Path, encode: bool) -> Result<Table, String> {
 fn parquet_and_arrow_files_are_the_table_of_the_csv_file() {
     let expected = read(&tables().join("plain.csv"), false).expect("a table");
     for file in ["stamps.parquet", "groups.parquet", "feather.arrow", "stream.arrows"] {
-        let found = read(&tables().join(file), false).unwrap_or_else(|told| panic!("{file}: {told}"));
+        let found = read(&tables().join(file), false).unwrap_or_else(|reported| panic!("{file}: {reported}"));
         assert_eq!(found.names, expected.names, "{file}");
         assert_eq!(found.values.dim(), expected.values.dim(), "{file}");
         let pairs = found.values.iter().zip(&expected.values);
@@ -39,8 +39,8 @@ fn parquet_and_arrow_files_are_the_table_of_the_csv_file() {
 
 #[test]
 fn words_of_a_parquet_file_are_refused_by_column_or_encoded() {
-    let told = read(&tables().join("words.parquet"), false).expect_err("words");
-    assert!(told.contains("column 'state': 'idle' is not a number"), "{told}");
+    let reported = read(&tables().join("words.parquet"), false).expect_err("words");
+    assert!(reported.contains("column 'state': 'idle' is not a number"), "{reported}");
     let found = read(&tables().join("words.parquet"), true).expect("encoded");
     assert_eq!(found.names, ["a", "b", "state", "flag", "n"]);
 }
@@ -53,14 +53,17 @@ fn a_damaged_parquet_or_arrow_file_is_one_sentence() {
         for keep in [12, whole.len() / 3, whole.len() - 40] {
             let path = dir.path().join(name);
             fs::write(&path, &whole[..keep]).expect("writes");
-            let told = read(&path, false).expect_err("cut off");
-            assert!(told.contains(name) && told.trim().lines().count() == 1, "{name} {keep}: {told}");
+            let reported = read(&path, false).expect_err("cut off");
+            assert!(
+                reported.contains(name) && reported.trim().lines().count() == 1,
+                "{name} {keep}: {reported}"
+            );
         }
     }
     // The library panics at the one, and allocates what the other claims.
     for name in ["parquet/no_dictionary.parquet", "arrow/long_body.arrows"] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus").join(name);
-        let told = read(&path, true).expect_err("damaged");
-        assert!(told.contains("damaged") && told.trim().lines().count() == 1, "{told}");
+        let reported = read(&path, true).expect_err("damaged");
+        assert!(reported.contains("damaged") && reported.trim().lines().count() == 1, "{reported}");
     }
 }

@@ -131,12 +131,12 @@ fn a_time_budget_is_by_the_walls_clock_though_simulated_time_stands_still() {
 fn an_analysis_is_nice_and_gets_no_more_memory_than_it_may() {
     let dir = tempfile::tempdir().expect("a folder");
     pool(dir.path(), 1);
-    let said = dir.path().join("said");
+    let stated = dir.path().join("said");
     method(
         dir.path(),
         &format!(
             "cat > /dev/null; sleep 0.2; (nice; ulimit -v) > {}.tmp; mv {0}.tmp {0}; exit 1",
-            said.display()
+            stated.display()
         ),
     );
     let bus = live();
@@ -147,8 +147,8 @@ fn an_analysis_is_nice_and_gets_no_more_memory_than_it_may() {
         ("max_memory", Value::Int(512)),
     ];
     let node = Node::start(&bus, "discovery", dir.path(), &settings);
-    wait_until(|| said.exists());
-    assert_eq!(fs::read_to_string(&said).expect("said"), "19\n500000\n");
+    wait_until(|| stated.exists());
+    assert_eq!(fs::read_to_string(&stated).expect("said"), "19\n500000\n");
     node.end();
 }
 
@@ -159,9 +159,10 @@ fn a_model_that_cannot_be_written_waits_until_it_can_and_its_batch_is_not_reject
     let results = dir.path().join("results");
     fs::write(&results, "a file where the folder should be").expect("writes");
     let (bus, troubles) = (live(), Arc::new(Mutex::new(String::new())));
-    let told = troubles.clone();
-    let listen =
-        move |message: DiagnosticArray| told.lock().expect("no panic").clone_from(&message.status[0].message);
+    let reported = troubles.clone();
+    let listen = move |message: DiagnosticArray| {
+        reported.lock().expect("no panic").clone_from(&message.status[0].message)
+    };
     let _listener =
         bus.node("listener").subscribe("/diagnostics", Qos::Volatile(10), listen).expect("subscribes");
     let models = models(&bus);
@@ -310,8 +311,8 @@ fn two_people_who_differ_are_pooled_and_what_they_differ_in_makes_no_link() {
     let model = model_of(dir.path(), &[("cd_method", word("jpcmciplus"))]);
     assert_eq!(model["features"], serde_json::json!(["h_v", "h_dg"]));
     assert_eq!((&model["method"], &model["graph"][0][1][0]), (&"jpcmciplus".into(), &"".into()), "{model}");
-    let told = model["warnings"].to_string();
-    assert!(told.contains("the recordings differ in"), "{told}");
+    let reported = model["warnings"].to_string();
+    assert!(reported.contains("the recordings differ in"), "{reported}");
 }
 
 #[test]

@@ -67,7 +67,7 @@ fn a_hostile_expression_is_refused_or_read() {
     ];
     let tokens: [&[u8]; 9] = [b"(", b")", b"-", b"+1", b"h.v*", b"max(", b"dist(", b"1e", b","];
     run("expression", &seeds, &tokens, 400, |input| {
-        let _ = Feature::new("f", &String::from_utf8_lossy(input));
+        let _ = Feature::new("features", "f", &String::from_utf8_lossy(input));
     });
 }
 

@@ -53,13 +53,7 @@ fn target(corpus: &str, seeds: Vec<Vec<u8>>) -> Target<'static> {
         corpus: format!("{}/tests/corpus/{corpus}", env!("CARGO_MANIFEST_DIR")).into(),
         seeds,
         tokens: &[
-            b"[]",
-            b"[4294967295]",
-            b"\xff\xff\xff\xff",
-            b"===\nMSG: ",
-            b"string ",
-            b"float64[3] ",
-            b"\n",
+            b"[]", b"[4294967295]", b"\xff\xff\xff\xff", b"===\nMSG: ", b"string ", b"float64[3] ", b"\n",
         ],
         bytes_per_byte: 1000,
     }

@@ -355,6 +355,24 @@ fn ten_callers_at_once_get_the_same_answer_while_rows_arrive() {
 }
 
 #[test]
+fn a_question_gets_no_answer_after_its_patience() {
+    let bus = Loopback::live(|| Time::from_secs_f64(1000.0 + STEP * 300.0));
+    let bench = Bench::new(bus, &[("paths", Value::Int(100_000)), ("refit_every", Value::Double(1e6))]);
+    bench.models.publish(&model(["r_v", "d"])).expect("publishes");
+    for (t, values) in rows(300).into_iter().enumerate() {
+        bench.features.publish(&row(t, values)).expect("publishes");
+    }
+    let asked = |patience| bench.ask(&WhatIfRequest { patience, ..slow_or_fast() });
+    while asked(60.0).status != Status::Ok as u8 {
+        thread::sleep(Duration::from_millis(20));
+    }
+    let late = asked(1e-9);
+    assert_eq!((late.status, late.ranking, late.outlooks), (Status::Late as u8, vec![], vec![]));
+    assert_eq!(asked(f64::NAN).status, Status::BadRequest as u8);
+    bench.end();
+}
+
+#[test]
 fn models_that_come_faster_than_fits_end_do_not_keep_the_node_without_one() {
     let bus = Loopback::live(|| Time::from_secs_f64(1000.0 + STEP * 300.0));
     // Gaussian processes: a fit takes longer than the next model.

@@ -251,7 +251,7 @@ fn features_say_row_by_row_what_the_batches_will_hold() {
     let bench = Bench::new(&settings);
     let imposed = bench.bus.node("experimenter");
     let imposed = imposed.advertise::<Text>("/imposed", Qos::Latched).expect("advertises");
-    let said = features_of(&bench, || {
+    let stated = features_of(&bench, || {
         bench.run(10.0..13.0, 10.0, ALL);
         let data = r#"{"stamp": 13.0, "context": {"do_robot_speed": [0.4]}}"#.to_owned();
         imposed.publish(&Text { data }).expect("publishes");
@@ -264,7 +264,8 @@ fn features_say_row_by_row_what_the_batches_will_hold() {
         let table = Table::read(path, None).expect("reads");
         for (row, t) in table.time.as_ref().expect("times").iter().enumerate() {
             let stamp = Time::from_secs_f64(*t);
-            let Some(live) = said.iter().find(|live| live.header.stamp.secs_since(stamp).abs() < 1e-6) else {
+            let Some(live) = stated.iter().find(|live| live.header.stamp.secs_since(stamp).abs() < 1e-6)
+            else {
                 continue;
             };
             for (k, name) in table.names.iter().enumerate() {
@@ -284,19 +285,19 @@ fn features_say_row_by_row_what_the_batches_will_hold() {
         }
     }
     assert!(compared > 90, "{compared} cells were compared");
-    assert!(said.iter().any(|row| row.names.iter().any(|name| name == "do_robot_speed")));
+    assert!(stated.iter().any(|row| row.names.iter().any(|name| name == "do_robot_speed")));
 }
 
 #[test]
 fn several_people_have_their_ids_in_the_features() {
     let bench = Bench::new(&[("ts_length", Value::Double(2.0))]);
-    let said = features_of(&bench, || bench.run(10.0..14.0, 10.0, |_| vec![7, 9]));
-    let last = said.last().expect("rows");
+    let stated = features_of(&bench, || bench.run(10.0..14.0, 10.0, |_| vec![7, 9]));
+    let last = stated.last().expect("rows");
     assert!(["h_7_v", "h_9_dg"].iter().all(|name| last.names.iter().any(|known| known == name)), "{last:?}");
     bench.end();
     let nearest = Bench::new(&[("ts_length", Value::Double(2.0)), ("sel_agent", text("nearest:1"))]);
-    let said = features_of(&nearest, || nearest.run(10.0..14.0, 10.0, |_| vec![7, 9]));
-    assert_eq!(said.last().expect("rows").names, ["h_v", "h_dg", "h_risk"]);
+    let stated = features_of(&nearest, || nearest.run(10.0..14.0, 10.0, |_| vec![7, 9]));
+    assert_eq!(stated.last().expect("rows").names, ["h_v", "h_dg", "h_risk"]);
     nearest.end();
 }
 
@@ -358,7 +359,7 @@ fn a_person_who_leaves_and_returns_is_missing_in_between() {
     let column = table.names.iter().position(|name| name == "h_9_x").expect("is there");
     for (t, x) in table.time.as_ref().expect("has times").iter().zip(table.values.column(column)) {
         let there = !(12.0..14.5).contains(t);
-        // Within a sample of her arrival or departure, either is right.
+        // Within a sample of their arrival or departure, either is right.
         if (t - 12.0).abs() > 0.11 && (t - 14.5).abs() > 0.11 {
             assert_eq!(x.is_finite(), there, "at {t}");
         }
@@ -397,18 +398,18 @@ fn a_silent_topic_is_told_by_its_name_and_its_rows_stay_empty() {
     let amcl = bench.bus.node("amcl");
     let _amcl =
         amcl.advertise::<PoseWithCovarianceStamped>("/amcl_pose", Qos::Volatile(1)).expect("advertises");
-    let (said, _) = bench.report_of("robot", || bench.run(0.0..5.0, 10.0, ALL));
-    assert_eq!(said, "running");
+    let (stated, _) = bench.report_of("robot", || bench.run(0.0..5.0, 10.0, ALL));
+    assert_eq!(stated, "running");
     bench.localised = false;
-    let (said, figures) = bench.report_of("robot", || bench.run(5.0..12.0, 15.0, ALL));
+    let (stated, figures) = bench.report_of("robot", || bench.run(5.0..12.0, 15.0, ALL));
     let wanted = "no messages on /robot_pose (geometry_msgs/PoseWithCovarianceStamped) for ";
-    assert!(said.starts_with(wanted), "{said}");
-    assert!(said.ends_with("other topics of that type: /amcl_pose"), "{said}");
+    assert!(stated.starts_with(wanted), "{stated}");
+    assert!(stated.ends_with("other topics of that type: /amcl_pose"), "{stated}");
     let odometry: u32 = figures["received /mobile_base_controller/odom"].parse().expect("a number");
     assert!(odometry >= 550, "what is not silent goes on: {odometry} of 600");
     bench.localised = true;
-    let (said, _) = bench.report_of("robot", || bench.run(12.0..22.0, 22.0, ALL));
-    assert_eq!(said, "running");
+    let (stated, _) = bench.report_of("robot", || bench.run(12.0..22.0, 22.0, ALL));
+    assert_eq!(stated, "running");
     let (_dir, raw, _) = bench.end();
     let table = Table::read(&raw[0], None).expect("reads");
     let [robot, person] =

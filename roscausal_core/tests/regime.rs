@@ -119,8 +119,8 @@ fn a_change_is_told_with_its_times_the_models_forget_what_was_before_and_a_late_
     let dir = dir.path();
     pool(dir, 24, twice, |_| false);
     let bus = bus(dir, &[]);
-    let told: Arc<Mutex<Vec<ModelChanges>>> = Arc::default();
-    let takes = told.clone();
+    let reported: Arc<Mutex<Vec<ModelChanges>>> = Arc::default();
+    let takes = reported.clone();
     let take = move |message: ModelChanges| takes.lock().expect("no panic").push(message);
     let _listens = bus.node("probe").subscribe(CHANGES_TOPIC, Qos::Latched, take).expect("subscribes");
     let health: Arc<Mutex<DiagnosticArray>> = Arc::default();
@@ -129,7 +129,7 @@ fn a_change_is_told_with_its_times_the_models_forget_what_was_before_and_a_late_
     let _health = bus.node("nurse").subscribe("/diagnostics", Qos::Volatile(10), report).expect("subscribes");
     run(&bus, dir);
 
-    let all = told.lock().expect("no panic").clone();
+    let all = reported.lock().expect("no panic").clone();
     assert_eq!(all.len(), 24, "once per batch");
     let last = all.last().expect("messages");
     let confirmed: Vec<&ModelChange> =
@@ -140,8 +140,11 @@ fn a_change_is_told_with_its_times_the_models_forget_what_was_before_and_a_late_
         let at = 1000.0 + 30.0 * f64::from(batch);
         let (from, to) = (change.changed_from.as_secs_f64(), change.changed_to.as_secs_f64());
         assert!(from - 4.0 < at && at < to + 4.0 && to - from < 20.0, "{change:?}");
-        let told = change.told.as_secs_f64();
-        assert!(told > at && told < at + 65.0 && change.batch_id >= format!("data_{batch:03}"), "{change:?}");
+        let reported = change.told.as_secs_f64();
+        assert!(
+            reported > at && reported < at + 65.0 && change.batch_id >= format!("data_{batch:03}"),
+            "{change:?}"
+        );
         // A suspicion of the same id came before.
         let first = last.changes.iter().find(|other| other.id == change.id).expect("is there");
         assert!(first.status == ModelChange::SUSPECTED && first.told < change.told, "{first:?}");
@@ -216,8 +219,8 @@ fn a_variable_that_the_user_calls_exogenous_has_no_causes_and_no_changes() {
     pool(dir, 12, twice, |_| false);
     let exogenous = Value::List(vec![Value::Str("b".into())]);
     run(&bus(dir, &[("exogenous", exogenous)]), dir);
-    let told = nodes::recorded_changes(&dir.join("models")).expect("reads");
-    assert!(told.iter().all(|change| change.event.effect != "b"), "{told:?}");
+    let reported = nodes::recorded_changes(&dir.join("models")).expect("reads");
+    assert!(reported.iter().all(|change| change.event.effect != "b"), "{reported:?}");
     let links = model(dir, 11).links;
     assert!(links.iter().any(|link| link.effect == "c") && links.iter().all(|link| link.effect != "b"));
 }

@@ -25,14 +25,7 @@ fn main() -> ExitCode {
     let cargo = env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
     let child = Command::new(cargo)
         .args([
-            "test",
-            "--profile",
-            "checked",
-            "--workspace",
-            "--exclude",
-            "roscausal_py",
-            "--locked",
-            "--tests",
+            "test", "--profile", "checked", "--workspace", "--exclude", "roscausal_py", "--locked", "--tests",
         ])
         .args(["--features", "roscausal_core/columnar", "--no-fail-fast", &name, "--"])
         .args(["--nocapture", "--test-threads=1"])
@@ -52,8 +45,8 @@ fn main() -> ExitCode {
     let mut findings = Vec::new();
     for line in lines {
         // The name of a test may stand before it.
-        if let Some((_, told)) = line.split_once(TOLD) {
-            println!("| {told}");
+        if let Some((_, reported)) = line.split_once(TOLD) {
+            println!("| {reported}");
         } else if line.contains("finding: ") || line.ends_with("FAILED") {
             findings.push(line);
         }

@@ -248,6 +248,7 @@ mod tests {
         ("geometry_msgs/Vector3", "4a842b65f413084dc2b10fb484ea7f17"),
         ("move_base_msgs/MoveBaseActionGoal", "660d6895a1b9a16dce51fbdd9a64a56b"),
         ("move_base_msgs/MoveBaseGoal", "257d089627d7eb7136c24d3593d05a16"),
+        ("nav2_msgs/SpeedLimit", "46b4d9efff8f0aa5f264a52bb6e78077"),
         ("nav_msgs/Odometry", "cd5e73d190d741a2f92e81eda573aca7"),
         ("nav_msgs/Path", "6227e2b7e9cce15051f669a5e197bbf7"),
         ("pedsim_msgs/AgentStates", "aa81ea94344df8d81e135b65d4d499b1"),

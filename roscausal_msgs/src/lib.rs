@@ -78,6 +78,8 @@ packages! {
     hri_msgs,
     /// `move_base_msgs`; only ROS 1 has it.
     move_base_msgs,
+    /// `nav2_msgs`; only ROS 2 has it.
+    nav2_msgs,
     /// `nav_msgs`.
     nav_msgs,
     /// `pedsim_msgs`, from the pedestrian simulator pedsim_ros.

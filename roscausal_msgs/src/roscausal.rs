@@ -43,4 +43,6 @@ pub enum Status {
     NoData = WhatIfResponse::NO_DATA,
     /// The question cannot be understood.
     BadRequest = WhatIfResponse::BAD_REQUEST,
+    /// There was no answer within the question's patience.
+    Late = WhatIfResponse::LATE,
 }

@@ -224,12 +224,7 @@ fn hostile_definitions_and_messages_neither_panic_nor_allocate_what_they_claim()
         corpus: format!("{}/tests/corpus/dynamic", env!("CARGO_MANIFEST_DIR")).into(),
         seeds: types().into_iter().filter(|t| t.text.len() < 500).step_by(5).flat_map(seed).collect(),
         tokens: &[
-            b"\xff\xff\xff\xff",
-            b"[4294967295]",
-            b"[]",
-            b"\n====\nMSG: a/B\n",
-            b"Header h\n",
-            b"wstring w\n",
+            b"\xff\xff\xff\xff", b"[4294967295]", b"[]", b"\n====\nMSG: a/B\n", b"Header h\n", b"wstring w\n",
         ],
         // A field of nine bytes (`int8 a\\n`), its name, and a path to it; a number per byte of a message.
         bytes_per_byte: 512,

@@ -83,6 +83,10 @@ pub fn main<B: Backend>(more: &[Node<B>]) -> ExitCode {
         println!("{}", nodes.usage());
         return ExitCode::SUCCESS;
     }
+    if args.next_if(|first| first == "--version" || first == "-V").is_some() {
+        println!("{} {}", B::PROGRAM, env!("CARGO_PKG_VERSION"));
+        return ExitCode::SUCCESS;
+    }
     let node = nodes.named_by(&program).unwrap_or_else(|| args.next().unwrap_or_default());
     // Fits of a minute apart would hold for good what they need for a second.
     if node == "reasoning" {
@@ -141,7 +145,7 @@ impl<B: Backend> Nodes<'_, B> {
 fn live<B: Backend>(node: &str, start: B::Start, run: impl FnOnce(&B) -> Result<()>) -> u8 {
     let console = Console::install(B::filter(&start));
     console.name(&format!("roscausal_{node}"));
-    let told = |error: Error| {
+    let reported = |error: Error| {
         tracing::error!("{error}");
         match error {
             Error::Param { .. } | Error::Topic { .. } | Error::File { .. } => EXIT_USAGE,
@@ -156,13 +160,13 @@ fn live<B: Backend>(node: &str, start: B::Start, run: impl FnOnce(&B) -> Result<
     });
     let mw = match joined {
         Ok(mw) => mw,
-        Err(error) => return told(error),
+        Err(error) => return reported(error),
     };
     // Errors are logged while /rosout still works.
     let code = match catch_unwind(AssertUnwindSafe(|| run(&mw))) {
         Ok(Ok(())) if mw.failed() => EXIT_FAILED,
         Ok(Ok(())) => 0,
-        Ok(Err(error)) => told(error),
+        Ok(Err(error)) => reported(error),
         Err(_) => {
             tracing::error!("the node {} panicked; it leaves", mw.node_name());
             EXIT_FAILED

@@ -144,11 +144,11 @@ fn count<M: Message>(mw: &Ros1, stop: &AtomicBool, topic: &str) -> Result<()> {
         counter.fetch_add(1, Ordering::SeqCst);
     })?;
     say("ready");
-    let mut told = 0;
+    let mut reported = 0;
     while mw.is_ok() && !stop.load(Ordering::SeqCst) {
         let now = seen.load(Ordering::SeqCst);
-        if now != told {
-            told = now;
+        if now != reported {
+            reported = now;
             say(&format!("{now} {}", mw.lost().iter().map(|(_, count)| count).sum::<u64>()));
         }
         thread::sleep(Duration::from_millis(100));

@@ -21,7 +21,7 @@ pub(crate) struct Feed {
     /// A publisher has accepted the connection.
     pub(crate) connected: AtomicBool,
     /// The mismatch has been logged.
-    told: AtomicBool,
+    reported: AtomicBool,
     /// Messages that never arrived, counted by the gaps in `header.seq`.
     pub(crate) lost: AtomicU64,
     /// Closed when the subscription is dropped.
@@ -30,27 +30,22 @@ pub(crate) struct Feed {
 
 impl Feed {
     pub(crate) fn new<M: Message>(topic: String) -> Arc<Self> {
-        Arc::new(Self {
-            topic,
-            type_name: M::type_name(),
-            md5: M::ros1_md5(),
-            since: Instant::now(),
-            connected: AtomicBool::new(false),
-            told: AtomicBool::new(false),
-            lost: AtomicU64::new(0),
-            gate: Gate::default(),
-        })
+        Self::of_type(topic, M::type_name(), M::ros1_md5())
     }
 
     /// The state of a subscription to messages of any type.
     pub(crate) fn of_any_type(topic: String) -> Arc<Self> {
+        Self::of_type(topic, ANY.to_owned(), ANY)
+    }
+
+    fn of_type(topic: String, type_name: String, md5: &'static str) -> Arc<Self> {
         Arc::new(Self {
             topic,
-            type_name: ANY.to_owned(),
-            md5: ANY,
+            type_name,
+            md5,
             since: Instant::now(),
             connected: AtomicBool::new(false),
-            told: AtomicBool::new(false),
+            reported: AtomicBool::new(false),
             lost: AtomicU64::new(0),
             gate: Gate::default(),
         })
@@ -66,7 +61,7 @@ impl Feed {
 pub(crate) fn look_for_mismatches(feeds: &[Arc<Feed>], membership: &Membership) {
     let silent = |feed: &&Arc<Feed>| {
         !feed.connected.load(Ordering::Relaxed)
-            && !feed.told.load(Ordering::Relaxed)
+            && !feed.reported.load(Ordering::Relaxed)
             && feed.type_name != ANY
             && feed.since.elapsed() > Duration::from_secs(3)
     };
@@ -88,6 +83,6 @@ pub(crate) fn look_for_mismatches(feeds: &[Arc<Feed>], membership: &Membership) 
                  ours (md5 {md5}): compare `rosmsg md5 {own}` where it runs"
             );
         }
-        feed.told.store(true, Ordering::Relaxed);
+        feed.reported.store(true, Ordering::Relaxed);
     }
 }

@@ -25,7 +25,7 @@ use roscausal_core::{
 };
 use roscausal_msgs::{
     CausalLink, CausalModel, CausalModelInfo, HumanState, Humans, Message, ModelChange, ModelChanges,
-    RobotState, diagnostic_msgs, geometry_msgs, nav_msgs, pedsim_msgs, people_msgs, rosgraph_msgs,
+    RobotState, diagnostic_msgs, geometry_msgs, nav_msgs, nav2_msgs, pedsim_msgs, people_msgs, rosgraph_msgs,
     sensor_msgs, spencer_tracking_msgs, std_msgs, tf2_msgs, visualization_msgs,
 };
 use roscausal_ros::{Console, program::Backend};
@@ -135,6 +135,7 @@ fn echo_all(node: &Ros2) -> roscausal_core::Result<()> {
         rosgraph_msgs::Clock,
         diagnostic_msgs::DiagnosticArray,
         visualization_msgs::Ros2MarkerArray,
+        nav2_msgs::SpeedLimit,
         people_msgs::People,
         pedsim_msgs::AgentStates,
         pedsim_msgs::TrackedPersons,

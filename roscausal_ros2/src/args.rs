@@ -34,15 +34,7 @@ type Result<T> = std::result::Result<T, BadArgument>;
 
 /// Flags within `--ros-args` that take a value.
 const WITH_VALUE: [&str; 9] = [
-    "-r",
-    "--remap",
-    "-p",
-    "--param",
-    "--params-file",
-    "--log-level",
-    "--log-config-file",
-    "-e",
-    "--enclave",
+    "-r", "--remap", "-p", "--param", "--params-file", "--log-level", "--log-config-file", "-e", "--enclave",
 ];
 /// Flags within `--ros-args` that take no value.
 const SWITCHES: [&str; 6] = [
@@ -98,6 +90,12 @@ impl Args {
             }
         }
         let names = Names::new(node, rules)?;
+        let full_name = names.full_name();
+        warnings.extend(params.missed(&full_name).into_iter().map(|key| {
+            format!(
+                "the parameters under '{key}' are not for {full_name}; write '/**/{node}' for any namespace"
+            )
+        }));
         Ok(Self {
             overrides: params.for_node(&names.full_name()),
             names,

@@ -138,8 +138,8 @@ mod tests {
         };
         assert!(same.iter().all(|distro| mismatch(distro).is_none()));
         for distro in other {
-            let told = mismatch(distro).expect("another layout");
-            assert!(told.contains(distro) && told.contains("--features"), "{told}");
+            let reported = mismatch(distro).expect("another layout");
+            assert!(reported.contains(distro) && reported.contains("--features"), "{reported}");
         }
     }
 }

@@ -5,21 +5,12 @@
 use std::{fmt::Write, path::PathBuf};
 
 use roscausal_core::{
+    loopback::Loopback,
     nodes,
     params::{Allowed, ParamSpec, Value},
 };
+use roscausal_msgs::Wires;
 use roscausal_ros2::{Args, ParamFile};
-
-/// Where the usual robot of ROS 2, with Nav2, differs from the nodes' defaults, which are those of ROS-Causal 1.x. Its pose is
-/// its place in TF: `/amcl_pose` comes only now and then. Its goal is the end of the plan: goals of the action NavigateToPose are on no
-/// topic.
-const NAV2: [(&str, &str, &str); 5] = [
-    ("roscausal_robot", "odom_topic", "/odom"),
-    ("roscausal_robot", "pose_topic", ""),
-    ("roscausal_robot", "source_frame", "base_link"),
-    ("roscausal_robot", "goal_topic", "/plan"),
-    ("roscausal_robot", "goal_type", "Path"),
-];
 
 fn path(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../config").join(name)
@@ -45,7 +36,7 @@ fn allowed(spec: &ParamSpec) -> String {
 fn all() -> Vec<(String, Vec<ParamSpec>)> {
     let nodes = nodes::NODES
         .iter()
-        .map(|name| (format!("roscausal_{name}"), nodes::parameters(name).expect("a node")));
+        .map(|name| (format!("roscausal_{name}"), nodes::parameters_on(name, Wires::Ros2).expect("a node")));
     let more = [
         ("roscausal_dashboard".to_owned(), roscausal_dashboard::parameters()),
         ("roscausal_hrisim".to_owned(), roscausal_hrisim::node::parameters()),
@@ -55,15 +46,13 @@ fn all() -> Vec<(String, Vec<ParamSpec>)> {
 
 fn generated() -> String {
     let mut text =
-        "# Every parameter of every node, with its default; the robot's topics are those of Nav2. Copy the parameters that you change.\n"
+        "# Every parameter of every node, with its default on ROS 2. Copy the parameters that you change. /** is any namespace.\n"
             .to_owned();
     for (node, specs) in all() {
-        let _ = write!(text, "\n{node}:\n  ros__parameters:\n");
+        let _ = write!(text, "\n/**/{node}:\n  ros__parameters:\n");
         for spec in specs.iter().filter(|spec| !spec.name.starts_with('/')) {
             let _ = writeln!(text, "    # {}{}", spec.description, allowed(spec));
-            let nav2 = NAV2.iter().find(|(of, name, _)| (*of, *name) == (node.as_str(), spec.name));
-            let value = nav2.map_or(spec.default.clone(), |(_, _, value)| Value::Str((*value).to_owned()));
-            let _ = writeln!(text, "    {}: {}", spec.name, spelled(&value));
+            let _ = writeln!(text, "    {}: {}", spec.name, spelled(&spec.default));
         }
     }
     text
@@ -96,6 +85,34 @@ fn the_parameter_files_are_read_and_allowed() {
                 let spec = spec.unwrap_or_else(|| panic!("{file}: {node} has no parameter {name}"));
                 spec.checked(value).expect("an allowed value");
             }
+        }
+    }
+}
+
+/// What one of the files sets of a node.
+fn set_by(file: &str, node: &str) -> std::collections::BTreeMap<String, Value> {
+    let line = ["--ros-args", "--params-file"].map(str::to_owned).into_iter();
+    Args::parse(node, line.chain([path(file).display().to_string()]), |_| None).expect("arguments").overrides
+}
+
+#[test]
+fn nodes_start_with_the_parameter_files_as_they_are() {
+    let home = tempfile::tempdir().expect("a folder");
+    for file in ["ros2.yaml", "hrisim.yaml"] {
+        for name in ["robot", "human", "data", "markers"] {
+            let bus = Loopback::lockstep();
+            for (parameter, value) in set_by(file, &format!("roscausal_{name}")) {
+                let value = if parameter.ends_with("_dir") && value != Value::Str(String::new()) {
+                    Value::Str(home.path().join(&parameter).display().to_string())
+                } else {
+                    value
+                };
+                bus.set_node_param(name, &parameter, value);
+            }
+            let node = bus.start_task(name, async move |mw| nodes::run_task(name, &mw).await);
+            bus.settle();
+            bus.shutdown();
+            node.end().expect("no panic").unwrap_or_else(|error| panic!("{file}: {name}: {error}"));
         }
     }
 }

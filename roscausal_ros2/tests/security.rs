@@ -64,21 +64,21 @@ fn has(heard: &Heard, from: &str) -> bool {
 
 /// Repeats `from` on a topic.
 struct Speaker {
-    said: Arc<dyn Fn() + Send + Sync>,
+    stated: Arc<dyn Fn() + Send + Sync>,
 }
 
 impl Speaker {
     fn new(node: &Ros2, topic: &str, from: &str) -> Self {
         let publisher = node.advertise::<std_msgs::String>(topic, Qos::Volatile(100)).expect("advertises");
         let text = std_msgs::String { data: from.to_owned() };
-        Self { said: Arc::new(move || publisher.publish(&text).expect("publishes")) }
+        Self { stated: Arc::new(move || publisher.publish(&text).expect("publishes")) }
     }
 }
 
 fn speak(speakers: &[&Speaker], at_most: Duration, until: impl Fn() -> bool) -> bool {
     let end = Instant::now() + at_most;
     while Instant::now() < end && !until() {
-        speakers.iter().for_each(|speaker| (speaker.said)());
+        speakers.iter().for_each(|speaker| (speaker.stated)());
         sleep(Duration::from_millis(50));
     }
     until()

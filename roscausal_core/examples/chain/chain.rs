@@ -158,10 +158,12 @@ impl Chain {
 
 /// Writes the problems of the nodes to stderr, each once.
 fn tell_troubles(bus: &Loopback) -> impl Drop + use<> {
-    let mut told = std::collections::BTreeSet::new();
+    let mut reported = std::collections::BTreeSet::new();
     let tell = move |message: DiagnosticArray| {
         for status in message.status {
-            if status.level > DiagnosticStatus::OK && told.len() < 100 && told.insert(status.message.clone())
+            if status.level > DiagnosticStatus::OK
+                && reported.len() < 100
+                && reported.insert(status.message.clone())
             {
                 // Stderr may be on the full disk as well. That is no reason to stop.
                 let _ = writeln!(std::io::stderr(), "{}: {}", status.name, status.message);

@@ -49,9 +49,7 @@ pub(super) fn fresh_row(open: &Recording, nearest: Option<&(usize, BTreeSet<u32>
         others: open.others.iter().map(|(name, rows)| (name.clone(), tail_of(rows))).collect(),
         context: open.context.iter().map(|(name, rows)| (name.clone(), imposed(rows))).collect(),
         signals: open.signals.iter().map(|(name, rows)| (name.clone(), measured(rows))).collect(),
-        complete: false,
-        ended_by: None,
-        length_s: None,
+        ..Recording::default()
     };
     let several = open.people.len() > 1 && nearest.is_none_or(|(number, _)| *number > 1);
     FreshRow { tail, first, by_id: several }

@@ -114,12 +114,12 @@ impl Joint {
         let of_path = paths.iter().map(AsRef::as_ref).zip(tables.iter().map(|(table, _)| table));
         let dt = common_step(of_path)?;
         let mut notes_on_context = Vec::new();
-        let told: BTreeSet<&String> = tables
+        let reported: BTreeSet<&String> = tables
             .iter()
             .flat_map(|(table, facts)| facts.context.iter().filter(|name| table.names.contains(name)))
             .collect();
         let mut context = Vec::new();
-        for name in told {
+        for name in reported {
             // A batch without the column is one without the intervention.
             let of = |table: &Table| match table.names.contains(name) {
                 true => column(table, name),
@@ -226,7 +226,7 @@ impl Joint {
         self.with_context(columns, table)
     }
 
-    /// The columns of one person, under the names that they have if she is alone, and the columns that belong to
+    /// The columns of one person, under the names that they have if they are alone, and the columns that belong to
     /// nobody.
     fn of_person(&self, table: &Table, facts: &Facts, id: u32) -> Named {
         let mut columns = Named::new();
@@ -321,7 +321,7 @@ fn complete_rows(columns: &Named) -> usize {
     (0..rows).filter(|row| columns.iter().all(|(_, values)| values[*row].is_finite())).count()
 }
 
-/// The person that a column belongs to, and its name if she is alone: `h_7_v` is `h_v` of 7, `near_7` is `near` of
+/// The person that a column belongs to, and its name if they are alone: `h_7_v` is `h_v` of 7, `near_7` is `near` of
 /// 7.
 fn person_of(name: &str, ids: &[u32]) -> Option<(u32, String)> {
     ids.iter().find_map(|id| {

@@ -7,7 +7,7 @@ use roscausal_discovery::names::plain;
 
 use super::{
     expression::{Expression, Moment, Who},
-    range::empty_impossible,
+    range::possible,
     recording::{Column, Recording},
     risk::{Body, RiskModel, risk_exponent},
     tracks::Values,
@@ -74,28 +74,45 @@ impl Feature {
     /// A feature from its name and expression.
     ///
     /// # Errors
-    /// A bad name or expression, as an error of the parameter `features`.
-    pub fn new(name: &str, text: &str) -> Result<Self> {
+    /// A bad name or expression, as an error of this parameter.
+    pub fn new(parameter: &str, name: &str, text: &str) -> Result<Self> {
         let legal = |c: char| c.is_alphanumeric() || "_-.{}\\".contains(c);
         let name = name.trim();
         if name.is_empty() || !name.chars().all(legal) || name == "time" {
             let reason = format!(
                 "'{name}' is not a valid feature name; use letters, digits and '_', such as h_dg = ..."
             );
-            return Err(Error::param("features", reason));
+            return Err(Error::param(parameter, reason));
         }
         let text = text.trim();
         let expression = Expression::parse(text)
-            .map_err(|reason| Error::param("features", format!("{name} = {reason}")))?;
+            .map_err(|reason| Error::param(parameter, format!("{name} = {reason}")))?;
         Ok(Self { name: name.to_owned(), expression })
     }
 
-    /// Parses features (`name = expression` each). An item without `=` continues the previous one, so a list that
-    /// was split at commas is whole again. Without items these are the paper's three features, called `names`.
+    /// The paper's three features, called `names`.
     ///
     /// # Errors
-    /// A bad definition, a duplicate name, or a number of `names` other than three.
-    pub fn parse(items: &[String], names: &[String]) -> Result<Vec<Self>> {
+    /// A number of `names` other than three, a duplicate or a bad name.
+    pub fn defaults(names: &[String]) -> Result<Vec<Self>> {
+        let [v, dg, risk] = names else {
+            let reason =
+                format!("{} names given; three are needed: speed, distance to goal, risk", names.len());
+            return Err(Error::param("feature_names", reason));
+        };
+        let items = [(v, "h.v"), (dg, "dist(h, h.goal)"), (risk, "risk(h, r)")];
+        Self::distinct(
+            "feature_names",
+            items.iter().map(|(name, text)| Self::new("feature_names", name, text)).collect(),
+        )
+    }
+
+    /// Parses the features of a parameter (`name = expression` each). An item without `=` continues the previous one, so a list that
+    /// was split at commas is whole again.
+    ///
+    /// # Errors
+    /// A bad definition, or a duplicate name.
+    pub fn parse(parameter: &str, items: &[String]) -> Result<Vec<Self>> {
         let mut definitions: Vec<String> = Vec::new();
         for item in items.iter().flat_map(|item| item.split(';')).filter(|item| !item.trim().is_empty()) {
             match definitions.last_mut() {
@@ -106,29 +123,20 @@ impl Feature {
                 _ => definitions.push(item.to_owned()),
             }
         }
-        let features: Vec<Self> = if definitions.is_empty() {
-            let [v, dg, risk] = names else {
-                let reason =
-                    format!("{} names given; three are needed: speed, distance to goal, risk", names.len());
-                return Err(Error::param("feature_names", reason));
-            };
-            [(v, "h.v"), (dg, "dist(h, h.goal)"), (risk, "risk(h, r)")]
-                .iter()
-                .map(|(name, text)| Self::new(name, text))
-                .collect::<Result<_>>()?
-        } else {
-            let parse = |definition: &String| match definition.split_once('=') {
-                Some((name, text)) => Self::new(name, text),
-                None => Err(Error::param(
-                    "features",
-                    format!("'{definition}' has no '='; write name = expression"),
-                )),
-            };
-            definitions.iter().map(parse).collect::<Result<_>>()?
+        let parse = |definition: &String| match definition.split_once('=') {
+            Some((name, text)) => Self::new(parameter, name, text),
+            None => {
+                Err(Error::param(parameter, format!("'{definition}' has no '='; write name = expression")))
+            }
         };
+        Self::distinct(parameter, definitions.iter().map(parse).collect())
+    }
+
+    fn distinct(parameter: &str, features: Result<Vec<Self>>) -> Result<Vec<Self>> {
+        let features = features?;
         for (i, feature) in features.iter().enumerate() {
             if features[..i].iter().any(|other| plain(&other.name) == plain(&feature.name)) {
-                return Err(Error::param("features", format!("'{}' is defined twice", feature.name)));
+                return Err(Error::param(parameter, format!("'{}' is defined twice", feature.name)));
             }
         }
         Ok(features)
@@ -141,8 +149,7 @@ impl Postprocess {
     /// # Errors
     /// A batch without people, if a feature is about a person.
     pub fn run(&self, batch: &Recording) -> Result<Features> {
-        let mut batch = batch.clone();
-        let mut emptied = empty_impossible(&mut batch);
+        let (batch, mut emptied) = possible(batch);
         let mut columns = Vec::new();
         for feature in &self.features {
             if !feature.expression.mentions_human() {
@@ -169,8 +176,7 @@ impl Postprocess {
     /// The same of the newest row alone, while a batch is recorded: each column's name and value. `tail` has the row and, where there
     /// is one, the row before it; `first` is the place of the tail's first row in its batch. With `by_id` names carry the person's id.
     pub fn newest(&self, tail: &Recording, first: usize, by_id: bool) -> Vec<(String, f64)> {
-        let mut tail = tail.clone();
-        let mut emptied = empty_impossible(&mut tail);
+        let (tail, mut emptied) = possible(tail);
         let mut columns = Vec::new();
         for feature in &self.features {
             if !feature.expression.mentions_human() {
@@ -314,7 +320,7 @@ mod tests {
             obs_size: 2.0,
             safe_dist: 5.0,
             obstacle: Obstacle::Robot,
-            features: Feature::parse(&[], &names).expect("the paper's"),
+            features: Feature::defaults(&names).expect("the paper's"),
         }
     }
 
@@ -346,7 +352,7 @@ mod tests {
 
     #[test]
     fn the_nearest_robot_or_person_can_be_the_obstacle() {
-        // The robot is 4 m ahead of person 3. Person 7 comes towards her from 1.5 m. Robot2 stands at 3 m.
+        // The robot is 4 m ahead of person 3. Person 7 comes towards them from 1.5 m. Robot2 stands at 3 m.
         let mut crowd = batch(&[3], &[1.0]);
         crowd.people.insert(7, vec![at_x(1.5, std::f64::consts::PI, 1.0)]);
         crowd.others.insert("robot2".into(), vec![at_x(3.0, 0.0, 0.0)]);
@@ -394,7 +400,7 @@ mod tests {
     #[test]
     fn the_lag_is_that_of_the_risk_however_it_is_written_and_of_nothing_else() {
         let values = |text: &str, risk_lag| {
-            let features = vec![Feature::new("it", text).expect("a feature")];
+            let features = vec![Feature::new("features", "it", text).expect("a feature")];
             let late = Postprocess { risk_lag, features, ..settings() };
             late.run(&batch(&[1], &[1.0, 0.5, 0.2])).expect("computes").columns.remove(0).values
         };
@@ -410,7 +416,7 @@ mod tests {
     #[test]
     fn a_person_out_of_sight_has_no_variables_and_a_silent_robot_no_risk() {
         let mut gone = batch(&[1], &[1.0, 1.0, 1.0]);
-        gone.people.get_mut(&1).expect("she")[1] = Values::UNKNOWN;
+        gone.people.get_mut(&1).expect("the person")[1] = Values::UNKNOWN;
         gone.robot[2] = Values::UNKNOWN;
         for risk_noise in [0.0, 0.02] {
             let features = Postprocess { risk_noise, ..settings() }.run(&gone).expect("computes");
@@ -437,7 +443,7 @@ mod tests {
 
     #[test]
     fn the_smaller_of_a_number_and_something_unknown_is_unknown() {
-        let features = vec![Feature::new("it", "min(h.v, 1) + max(2, h.v)").expect("a feature")];
+        let features = vec![Feature::new("features", "it", "min(h.v, 1) + max(2, h.v)").expect("a feature")];
         let mut gone = batch(&[1], &[0.5]);
         gone.people.insert(1, vec![Values::UNKNOWN]);
         let values =
@@ -471,7 +477,7 @@ mod tests {
     #[test]
     fn features_of_the_users_own_replace_the_papers() {
         let items = ["d = dist(h", " r)", "r_v = r.v; twice = 2 * h.v"].map(str::to_owned);
-        let features = Feature::parse(&items, &[]).expect("three features");
+        let features = Feature::parse("features", &items).expect("three features");
         let mine = Postprocess { features, ..settings() };
         let columns = mine.run(&batch(&[3, 7], &[1.5])).expect("computes").columns;
         let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
@@ -481,7 +487,7 @@ mod tests {
 
     #[test]
     fn a_bad_feature_names_the_parameter() {
-        let fault = |item: &str| Feature::parse(&[item.to_owned()], &[]).expect_err(item).to_string();
+        let fault = |item: &str| Feature::parse("features", &[item.to_owned()]).expect_err(item).to_string();
         assert!(fault("h.v").starts_with("parameter 'features': 'h.v' has no '='"));
         assert!(fault("a,b = 1").contains("not a valid feature name"));
         assert!(fault("a = 1; a = 2").contains("twice"));

@@ -1,6 +1,6 @@
 //! What a recorded quantity can be at all. A tracker that jumps reports speeds of 100 m/s; such a cell is emptied and counted.
 
-use std::collections::BTreeMap;
+use std::{borrow::Cow, collections::BTreeMap};
 
 use super::{
     recording::Recording,
@@ -18,13 +18,29 @@ fn largest(field: Field) -> f64 {
     }
 }
 
-/// Empties the cells of `batch` that cannot be, and returns how many of each column: `r_v`, `h_7_v`, `robot2_v`.
-pub(super) fn empty_impossible(batch: &mut Recording) -> BTreeMap<String, usize> {
+/// The batch without the cells that cannot be, and how many these are of each column: `r_v`, `h_7_v`, `robot2_v`. A batch may be large:
+/// it is copied only where it has some.
+pub(super) fn possible(batch: &Recording) -> (Cow<'_, Recording>, BTreeMap<String, usize>) {
+    let is_far = |values: &Values| Field::ALL.into_iter().any(|field| is_impossible(values, field));
+    let bodies = batch.people.values().chain(batch.others.values());
+    if !std::iter::once(&batch.robot).chain(bodies).flatten().any(is_far) {
+        return (Cow::Borrowed(batch), BTreeMap::new());
+    }
+    let mut batch = batch.clone();
+    let emptied = empty_impossible(&mut batch);
+    (Cow::Owned(batch), emptied)
+}
+
+fn is_impossible(values: &Values, field: Field) -> bool {
+    values.get(field).abs() > largest(field)
+}
+
+fn empty_impossible(batch: &mut Recording) -> BTreeMap<String, usize> {
     let mut emptied = BTreeMap::new();
     let mut check = |body: &str, rows: &mut [Values]| {
         for field in Field::ALL {
             let mut count = 0;
-            for values in rows.iter_mut().filter(|values| values.get(field).abs() > largest(field)) {
+            for values in rows.iter_mut().filter(|values| is_impossible(values, field)) {
                 values.set(field, f64::NAN);
                 count += 1;
             }

@@ -31,6 +31,8 @@ const MOST_PEOPLE: usize = 512;
 const MOST_ROWS: usize = 1_000_000;
 /// Larger stamps (292 years) are invalid: sums of stamps must not overflow.
 const FARTHEST_NS: u64 = 1 << 62;
+/// Fewer rows in which both move say nothing of whether the robot follows.
+const FEWEST_MOVING: u64 = 100;
 /// Most columns of interventions.
 const MOST_CONTEXT: usize = 64;
 
@@ -112,6 +114,8 @@ pub struct Recorder {
     seen: BTreeSet<u32>,
     /// Cells of people, and the sums of their intervals and of how far they reach ahead; nanoseconds.
     spacing: (f64, [f64; 2]),
+    /// Cells of people in which they and the robot move, and those in which it follows them.
+    following: [u64; 2],
     counts: RecorderCounts,
 }
 
@@ -142,6 +146,7 @@ impl Recorder {
             fresh: None,
             seen: BTreeSet::new(),
             spacing: (0.0, [0.0; 2]),
+            following: [0; 2],
             counts: RecorderCounts::default(),
         }
     }
@@ -295,19 +300,20 @@ impl Recorder {
     /// A text that is not of this form; it changes nothing.
     pub fn context(&mut self, text: &str, now: Time) -> Result<(), String> {
         #[derive(serde::Deserialize)]
-        struct Told {
+        struct Reported {
             stamp: Option<f64>,
             context: BTreeMap<String, Vec<f64>>,
         }
-        let told: Told =
+        let reported: Reported =
             serde_json::from_str(text).map_err(|e| format!("no context of interventions: {e}"))?;
         let legal = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
         let is_name = |name: &String| name.starts_with("do_") && name.chars().all(legal);
-        if let Some(name) = told.context.keys().find(|name| !is_name(name)) {
+        if let Some(name) = reported.context.keys().find(|name| !is_name(name)) {
             return Err(format!("'{name}' is not a column of context; such as do_robot_speed"));
         }
-        let stamp = told.stamp.filter(|stamp| stamp.is_finite()).map_or(now, Time::from_secs_f64).as_nanos();
-        for (name, value) in told.context {
+        let stamp =
+            reported.stamp.filter(|stamp| stamp.is_finite()).map_or(now, Time::from_secs_f64).as_nanos();
+        for (name, value) in reported.context {
             if !self.context.contains_key(&name) && self.context.len() >= MOST_CONTEXT {
                 return Err(format!("more than {MOST_CONTEXT} columns of context"));
             }
@@ -427,6 +433,12 @@ impl Recorder {
         let (cells, [interval, ahead]) = self.spacing;
         let step = cells * self.dt_ns as f64;
         (cells > 0.0).then(|| [step / interval, ahead / step])
+    }
+
+    /// In how many of 100 rows in which a person and the robot move it follows them; 0 after few.
+    pub fn follows(&self) -> u64 {
+        let [moving, following] = self.following;
+        if moving < FEWEST_MOVING { 0 } else { 100 * following / moving }
     }
 
     /// Why nothing is recorded, if nothing is.
@@ -549,7 +561,8 @@ impl Recorder {
     }
 
     fn forget_before(&mut self, row: i64) {
-        let max_gap = self.max_gap_ns;
+        // A row may be made at a moment a little before its time.
+        let (row, max_gap) = (row.saturating_sub(self.dt_ns / 2), self.max_gap_ns);
         self.robot.forget_before(row, max_gap);
         self.people.retain(|_, track| track.forget_before(row, max_gap));
         self.others.retain(|_, track| track.forget_before(row, max_gap));

@@ -110,23 +110,23 @@ impl Script {
             .spawn()
             .map_err(|e| fault(format!("cannot be started: {e}")))?;
         let ended = wait(&mut child, self.time_limit).map_err(|e| fault(e.to_string()))?;
-        let said = fs::read(&complaint).unwrap_or_default();
-        let said = String::from_utf8_lossy(&said[said.len().saturating_sub(TOLD)..]).trim().to_owned();
+        let stated = fs::read(&complaint).unwrap_or_default();
+        let stated = String::from_utf8_lossy(&stated[stated.len().saturating_sub(TOLD)..]).trim().to_owned();
         match ended {
             None => {
                 let limit = self.time_limit.as_secs();
                 Err(fault(format!("took longer than {limit} s on {name} and was ended; see pp_time_limit")))
             }
-            Some(status) if !status.success() => Err(fault(format!("failed on {name} ({status}): {said}"))),
+            Some(status) if !status.success() => Err(fault(format!("failed on {name} ({status}): {stated}"))),
             Some(_) => {
                 let made = work.join(name);
                 let bytes = fs::read(&made).map_err(|_| {
                     fault(format!(
-                        "ended without writing {name} into the folder of --pp_data_dir; it said: {said}"
+                        "ended without writing {name} into the folder of --pp_data_dir; it said: {stated}"
                     ))
                 })?;
                 if bytes.is_empty() {
-                    return Err(fault(format!("wrote an empty {name}; it said: {said}")));
+                    return Err(fault(format!("wrote an empty {name}; it said: {stated}")));
                 }
                 Ok(bytes)
             }

@@ -28,7 +28,7 @@ impl Select {
     }
 
     /// The selected ones of `people`, in ascending order of id; for `nearest`, in order of distance from the robot.
-    /// If a single person is selected who is not there, the first person who is there takes her place.
+    /// If a single person is selected who is not there, the first person who is there takes their place.
     pub fn of(&self, people: &[HumanState], robot: Option<&Pose2D>) -> Vec<HumanState> {
         match self {
             Self::All => people.to_vec(),

@@ -59,6 +59,8 @@ pub struct Reading {
     /// Columns to read, in that order: names in any spelling, patterns with `*` and `?`, ranges `a..c`, and `!pattern` to leave
     /// out. `None`: all except the times.
     pub columns: Option<Vec<String>>,
+    /// Columns that are read besides these, each with the setting that needs it.
+    pub needs: Vec<(String, &'static str)>,
     /// Numbers that stand for a missing value, such as -999.
     pub missing: Vec<f64>,
     /// Words become codes; otherwise they are an error.
@@ -134,7 +136,7 @@ impl fmt::Display for Note {
                 f,
                 "column '{column}': {missing} of {cells} cells are empty or NaN; samples that need them are left out"
             ),
-            Self::Read(told) => f.write_str(told),
+            Self::Read(reported) => f.write_str(reported),
             Self::Constant { column, value } => {
                 write!(f, "column '{column}' is constant ({value}): it can be neither cause nor effect")
             }
@@ -167,18 +169,18 @@ pub fn common_step<'a>(recordings: impl IntoIterator<Item = (&'a Path, &'a Table
     Ok(first.map(|(_, step)| step))
 }
 
-/// What is wrong: the file, or the selection of columns.
+/// What is wrong: the file, or what a setting says of its columns.
 #[derive(Debug)]
 enum Complaint {
     File(String),
-    Columns(String),
+    Setting(&'static str, String),
 }
 
 impl Complaint {
     /// The reason without its place.
     fn reason(self) -> String {
         match self {
-            Self::File(reason) | Self::Columns(reason) => reason,
+            Self::File(reason) | Self::Setting(_, reason) => reason,
         }
     }
 }
@@ -226,7 +228,7 @@ impl Table {
     fn of_bytes(bytes: &[u8], reading: &Reading, path: &Path) -> Result<Self> {
         Self::parse(bytes, reading).map_err(|complaint| match complaint {
             Complaint::File(reason) => Error::file(path, reason),
-            Complaint::Columns(reason) => Error::param("columns", reason),
+            Complaint::Setting(setting, reason) => Error::param(setting, reason),
         })
     }
 
@@ -303,6 +305,8 @@ struct Rows<'a> {
     /// Cells before the first name: R numbers its rows without one.
     ahead: usize,
     time: Option<(usize, Option<Unit>)>,
+    /// The time of day, where it stands beside the date.
+    of_day: Option<usize>,
     columns: Vec<usize>,
     /// Lines before the header.
     before: u64,
@@ -324,6 +328,10 @@ impl<'a> Rows<'a> {
             Separator::Spaces => b'\t',
         };
         let body = if layout.behind_hash { body.split_at(1).1 } else { body };
+        // Before the csv crate holds a place for each.
+        let line_ends = |byte: &&u8| !matches!(byte, b'\n' | b'\r');
+        let separators = body.iter().take_while(line_ends).filter(|byte| **byte == separator).count();
+        columns::check_count(separators + 1)?;
         let mut records = reader(body, separator).into_byte_records();
         let mut next = || records.next().transpose().map_err(|error| error.to_string());
         let first = next()?.unwrap_or_default();
@@ -367,6 +375,7 @@ impl<'a> Rows<'a> {
             joined,
             ahead,
             time: None,
+            of_day: None,
             columns: Vec::new(),
             before: layout.lines_before,
             nameless: layout.nameless,
@@ -384,28 +393,36 @@ impl<'a> Rows<'a> {
         self.time = match self.reading.time_column.as_deref() {
             Some("none") => None,
             Some(name) => {
-                let column =
-                    columns::chosen(&self.header, &[name.to_owned()], None).map_err(Complaint::Columns)?;
-                Some((column[0], None))
+                let column = columns::one(&self.header, name);
+                Some((column.map_err(|reason| Complaint::Setting("time-column", reason))?, None))
             }
             None => columns::time_column(&self.header).or_else(|| {
                 let first = index.or(self.nameless.then_some(0));
                 first.filter(|&column| date(column).is_some()).map(|column| (column, None))
             }),
         };
+        let is_day = |t: f64| t.abs() >= time::DAY && t % time::DAY == 0.0;
+        let is_of_day = |t: f64| (0.0..time::DAY).contains(&t);
+        let first = |is: fn(f64) -> bool| {
+            let is_it = |&column: &usize| {
+                columns::time_name(&self.header[column]).is_some() && date(column).is_some_and(is)
+            };
+            (0..self.header.len()).find(is_it)
+        };
+        let (day, of_day) = (first(is_day), first(is_of_day));
+        if let (None, Some(day), Some(_)) = (&self.reading.time_column, day, of_day) {
+            (self.time, self.of_day) = (Some((day, None)), of_day);
+        }
         if let Some(name) = &self.reading.recording {
-            columns::chosen(&self.header, std::slice::from_ref(name), None).map_err(Complaint::File)?;
+            columns::one(&self.header, name).map_err(Complaint::File)?;
         }
         let time = self.time.map(|(column, _)| column);
         let last = self.header.len() - 1;
         let empty_end = (last > 0 && self.header[last].is_empty()).then_some(last);
-        self.columns = match &self.reading.columns {
-            Some(wanted) => columns::chosen(&self.header, wanted, time).map_err(Complaint::Columns)?,
-            None => (0..=last).collect(),
-        };
+        self.columns = columns::read(&self.header, self.reading, time)?;
         let named = self.reading.columns.is_some();
         self.columns.retain(|&column| {
-            (named || Some(column) != time)
+            (named || (Some(column) != time && Some(column) != self.of_day))
                 && Some(column) != index.filter(|_| !self.header[column].contains("Unnamed") || !named)
                 && Some(column) != empty_end
         });
@@ -472,7 +489,10 @@ impl<'a> Rows<'a> {
                 }
             }
             if let Some((column, _)) = self.time {
-                time.push(self.time_of(row.get(column + self.ahead).unwrap_or_default(), column, place)?);
+                let of = |column: usize| {
+                    self.time_of(row.get(column + self.ahead).unwrap_or_default(), column, place)
+                };
+                time.push(of(column)? + self.of_day.map_or(Ok(0.0), of)?);
             }
             places.push(place);
             bytes = row.into_byte_record();
@@ -495,31 +515,25 @@ impl<'a> Rows<'a> {
     ) -> Parsed<Table> {
         let mut values = column_by_column(numbers, places.len())?;
         let mut names: Vec<String> = self.columns.iter().map(|&column| self.header[column].clone()).collect();
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         for (column, codes) in codes {
             let (sorted, name) = (codes.sorted(), &self.header[*column]);
             let Some(at) = self.columns.iter().position(|other| other == column) else { continue };
             let recode = |value: f64| if value.is_nan() { value } else { sorted[value as usize] };
             values.index_axis_mut(Axis(1), at).mapv_inplace(recode);
-            told.push(Note::Read(format!("words of column '{name}' as codes: {}", codes.told())));
+            reported.push(Note::Read(format!("words of column '{name}' as codes: {}", codes.reported())));
         }
-        if self.nameless && values.ncols() > 20 && values.ncols() > 4 * values.nrows() {
-            return Err(Complaint::from(format!(
-                "it has {} rows of {} numbers, and no names: it seems to lie on its side; a row is a time, a column a variable: \
-                 transpose it, such as with numpy's .T",
-                values.nrows(),
-                values.ncols()
-            )));
-        }
+        check_stands(self.nameless || self.names_are_numbers(0), values.dim())?;
         let own_time = self.first_is_time(&values);
         if own_time.is_some() {
             names.remove(0);
             values.remove_index(Axis(1), 0);
-            told.push(Note::Read(format!("{} rises at even steps: it is taken as the time", self.header[0])));
+            reported
+                .push(Note::Read(format!("{} rises at even steps: it is taken as the time", self.header[0])));
         }
         let mut notes = Table::notes_on(&names, &values);
-        told.extend(self.on_names());
-        notes.splice(0..0, told);
+        reported.extend(self.on_names());
+        notes.splice(0..0, reported);
         let time = match self.time {
             Some((column, unit)) => {
                 self.check_time(&time, column, places)?;
@@ -528,8 +542,8 @@ impl<'a> Rows<'a> {
             None => own_time.map(|time| (time, None)),
         };
         let time = time.map(|(time, unit)| {
-            let (time, told) = time::in_seconds(time, self.reading.time_unit.or(unit));
-            notes.extend(told.map(Note::Read));
+            let (time, reported) = time::in_seconds(time, self.reading.time_unit.or(unit));
+            notes.extend(reported.map(Note::Read));
             time
         });
         Ok(Table { names, values, time, notes })
@@ -550,8 +564,7 @@ impl<'a> Rows<'a> {
     /// What to know of columns that the file does not name, or names by numbers.
     fn on_names(&self) -> Option<Note> {
         let (first, last) = (self.header.first()?, self.header.iter().rfind(|name| !name.is_empty())?);
-        let are_numbers = self.header.iter().all(|name| name.is_empty() || name.parse::<f64>().is_ok());
-        let told = match (self.nameless, are_numbers) {
+        let reported = match (self.nameless, self.names_are_numbers(0)) {
             _ if self.reading.names.is_some() => return None,
             (true, _) => format!(
                 "the file has no header; its columns are called {first} to {last} ({} names them)",
@@ -566,7 +579,12 @@ impl<'a> Rows<'a> {
             }
             (false, false) => return None,
         };
-        Some(Note::Read(told))
+        Some(Note::Read(reported))
+    }
+
+    /// Whether the names from this column on are numbers.
+    fn names_are_numbers(&self, from: usize) -> bool {
+        self.header.iter().skip(from).all(|name| name.is_empty() || name.parse::<f64>().is_ok())
     }
 
     /// Whether a column says which recording a row is of.
@@ -613,6 +631,9 @@ impl<'a> Rows<'a> {
 
     fn not_a_number(&self, cell: &str, column: usize, place: u64) -> Complaint {
         let (place, short) = (self.place(column, place), shortened(cell));
+        if let (0, Err(side)) = (column, check_stands(self.names_are_numbers(1), (1, self.header.len()))) {
+            return side;
+        }
         if time::date(cell).is_some() {
             return Complaint::from(format!(
                 "{place}: '{short}' is a date; {} takes it as the time, {} names the columns to use",
@@ -621,10 +642,12 @@ impl<'a> Rows<'a> {
             ));
         }
         Complaint::from(format!(
-            "{place}: '{short}' is not a number; correct it, leave the cell empty, name the columns to use with {}, or \
-             turn words into codes with {} codes",
+            "{place}: '{short}' is not a number; correct it, leave the cell empty, name the columns to use with {}, turn words into codes \
+             with {} codes, or, if they say whose a row is, make recordings of them with {} '{}'",
             Named("columns"),
-            Named("encode")
+            Named("encode"),
+            Named("recording"),
+            self.header[column]
         ))
     }
 
@@ -673,6 +696,17 @@ fn column_by_column(columns: Vec<Vec<f64>>, rows: usize) -> Parsed<Array2<f64>> 
     // Each column's own memory is given back before the next one is copied.
     columns.into_iter().for_each(|column| numbers.extend(column));
     Array2::from_shape_vec(shape, numbers).map_err(|error| error.to_string().into())
+}
+
+/// Refuses rows without names that are far longer than there are rows.
+fn check_stands(is_nameless: bool, (rows, columns): (usize, usize)) -> Parsed<()> {
+    if !is_nameless || columns <= 20 || columns <= 4 * rows {
+        return Ok(());
+    }
+    Err(Complaint::from(format!(
+        "it has rows of {columns} numbers, and no names: it seems to lie on its side; a row is a time, a column a variable: transpose it, \
+         such as with numpy's .T"
+    )))
 }
 
 /// Bytes of the longest line.

@@ -3,7 +3,6 @@
 use std::{
     collections::VecDeque,
     f64::consts::{PI, TAU},
-    str::FromStr,
 };
 
 use serde::{Deserialize, Serialize};
@@ -12,19 +11,23 @@ use super::risk::Body;
 
 /// Most samples of one body that wait to become rows.
 const MOST: usize = 100_000;
-/// The usual interval is the median of so many, each the mean of some that follow each other: jitter is less in these.
+/// The usual interval is one of so many, each the mean of some that follow each other: jitter is less in these. A third of them are
+/// shorter, as lost samples make them longer.
 const INTERVALS: usize = 15;
 const TOGETHER: usize = 3;
 /// Where samples come at least as often as rows, give or take this share of a step, ...
 const OFTEN: f64 = 1.2;
 /// ... a row whose value would reach farther ahead has lost its sample. Steps.
 const FARTHEST_AHEAD: f64 = 0.3;
-/// Where samples come once a row, give or take the first share of a step, one within the second share is the row's. Steps.
-const ONCE_A_ROW: f64 = 0.1;
+/// Where samples come once or twice a row, give or take the first share, one within the second share of an interval is the row's.
+const A_ROW: f64 = 0.1;
 const NEAR: f64 = 0.25;
-
 /// Where samples usually come so often, in steps, or more often, held ones are young enough.
 const OFTEN_TO_HOLD: f64 = 0.42;
+
+/// A slower body stands, m/s, and the cosine of a smaller angle is the same way.
+const MOVES: f64 = 0.1;
+const SAME_WAY: f64 = 0.8;
 
 /// What a row holds of the samples around it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,18 +42,7 @@ pub enum Sampling {
     Hold,
 }
 
-impl FromStr for Sampling {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "linear" => Ok(Self::Linear),
-            "hold" => Ok(Self::Hold),
-            _ => Err(format!("'{text}' is not a sampling; allowed: auto, linear, hold")),
-        }
-    }
-}
+roscausal_discovery::words!(Sampling, "sampling": Auto "auto", Linear "linear", Hold "hold");
 
 /// As journals have it; older ones say whether rows hold.
 #[derive(Deserialize)]
@@ -61,9 +53,9 @@ enum Written {
 }
 
 impl TryFrom<Written> for Sampling {
-    type Error = String;
+    type Error = roscausal_discovery::Error;
 
-    fn try_from(written: Written) -> Result<Self, String> {
+    fn try_from(written: Written) -> Result<Self, Self::Error> {
         match written {
             Written::Holds(holds) => Ok(if holds { Self::Hold } else { Self::Linear }),
             Written::Word(word) => word.parse(),
@@ -193,6 +185,16 @@ impl Values {
         Body::heading(self.x, self.y, self.theta, self.v)
     }
 
+    /// Whether this body goes towards `other`, who goes the same way; `None` where one of them stands, or is not known.
+    pub(super) fn follows(&self, other: &Self) -> Option<bool> {
+        let moves = |body: &Self| body.v > MOVES;
+        let (dx, dy) = (other.x - self.x, other.y - self.y);
+        let ahead = (dx * self.theta.cos() + dy * self.theta.sin()) / (dx * dx + dy * dy).sqrt();
+        let together = (other.theta - self.theta).cos();
+        (moves(self) && moves(other) && !(ahead * together).is_nan())
+            .then_some(ahead > SAME_WAY && together > SAME_WAY)
+    }
+
     /// What is at a share of the way to `next`: places and speeds change evenly, a heading turns evenly the shorter way
     /// round, a goal holds.
     fn towards(&self, next: &Self, share: f64) -> Self {
@@ -215,6 +217,8 @@ pub(super) struct Track {
     samples: VecDeque<(i64, Values)>,
     /// The last stamps that no row needs any more.
     past: VecDeque<i64>,
+    /// The usual one of the last intervals, known once there are some: each row asks for it several times.
+    usual: Option<i64>,
     /// Whether all samples are there from the beginning, so that none waits for others.
     unlimited: bool,
 }
@@ -271,46 +275,58 @@ impl Track {
         (t1 - t0 <= max_gap).then(|| before.towards(next, (t - t0) as f64 / (t1 - t0) as f64))
     }
 
-    /// What the row at `t` holds, `dt` after the row before: the values at `t`, as in [`Self::at`]. Where samples usually come once a
-    /// row, one close to `t` is the row's: a line would mix it with the next one, as much as its stamp is early. Where they come
-    /// as often or more often, a row is empty whose value would reach far ahead: its sample was lost.
+    /// The moment at which the row at `t` is best made, `dt` after the row before, where samples usually come once or twice a row: the
+    /// stamp of a sample near it, or `t`. A line between two would mix the row with the next one, as much as its sample is early.
+    pub(super) fn moment(&self, t: i64, dt: i64, sampling: Sampling) -> Option<i64> {
+        let usual = self.steps(dt)?;
+        let is_regular = [1.0, 2.0].iter().any(|a_row| (usual * a_row - 1.0).abs() <= A_ROW);
+        if sampling == Sampling::Hold || !is_regular {
+            return None;
+        }
+        let stamps = self.around(t).into_iter().flatten().map(|(stamp, _)| *stamp);
+        let nearest = stamps.min_by_key(|stamp| stamp.abs_diff(t))?;
+        Some(if nearest.abs_diff(t) as f64 <= NEAR * usual * dt as f64 { nearest } else { t })
+    }
+
+    /// What a row holds that is made at `t`, `dt` after the row before: the values at `t`, as in [`Self::at`]. Where samples come as
+    /// often as rows or more often, it is empty if its value would reach far ahead: its sample was lost.
     pub(super) fn row(&self, t: i64, dt: i64, max_gap: i64, sampling: Sampling) -> Option<Values> {
-        let share = |nanos: f64| nanos / dt as f64;
         if sampling == Sampling::Hold {
             return self.at(t, max_gap, true);
         }
         let on_line = self.at(t, max_gap, false);
-        let Some(usual) = self.usual_interval().map(|interval| share(interval as f64)) else {
-            return on_line;
-        };
-        if sampling == Sampling::Auto && usual <= OFTEN_TO_HOLD {
+        if self.holds(dt, sampling) {
             // Chosen by the program, it reaches no farther than a line does.
             return on_line.and(self.at(t, max_gap, true));
         }
-        let nearest = self.around(t).into_iter().flatten().min_by_key(|(stamp, _)| stamp.abs_diff(t));
-        let near = nearest.filter(|(stamp, _)| share(stamp.abs_diff(t) as f64) <= NEAR);
-        match near {
-            Some((_, values)) if (usual - 1.0).abs() <= ONCE_A_ROW => Some(*values),
-            _ => {
-                let ahead = self.spacing(t).map_or(0.0, |[_, ahead]| share(ahead));
-                on_line.filter(|_| usual > OFTEN || ahead <= FARTHEST_AHEAD)
-            }
-        }
+        let is_rare = self.steps(dt).is_none_or(|steps| steps > OFTEN);
+        let ahead = self.spacing(t).map_or(0.0, |[_, ahead]| ahead / dt as f64);
+        on_line.filter(|_| is_rare || ahead <= FARTHEST_AHEAD)
     }
 
     /// Whether rows in steps of `dt` hold the newest sample.
     pub(super) fn holds(&self, dt: i64, sampling: Sampling) -> bool {
-        let often = |interval| interval as f64 / dt as f64 <= OFTEN_TO_HOLD;
-        sampling == Sampling::Hold || (sampling == Sampling::Auto && self.usual_interval().is_some_and(often))
+        let is_often = || self.steps(dt).is_some_and(|steps| steps <= OFTEN_TO_HOLD);
+        sampling == Sampling::Hold || (sampling == Sampling::Auto && is_often())
     }
 
-    /// The median of the last intervals; `None` while there are few.
+    /// Whether samples are known to come too seldom to be held.
+    pub(super) fn is_seldom(&self, dt: i64) -> bool {
+        self.steps(dt).is_some_and(|steps| steps > OFTEN_TO_HOLD)
+    }
+
+    /// The usual interval in steps of `dt`.
+    fn steps(&self, dt: i64) -> Option<f64> {
+        Some(self.usual? as f64 / dt as f64)
+    }
+
+    /// The usual one of the last intervals; `None` while there are few.
     fn usual_interval(&self) -> Option<i64> {
         let over = |(first, last): (&i64, &i64)| (last - first) / TOGETHER as i64;
         let mut intervals: Vec<i64> =
             self.past.iter().zip(self.past.iter().skip(TOGETHER)).map(over).collect();
         intervals.sort_unstable();
-        intervals.get(INTERVALS / 2).copied().filter(|_| intervals.len() == INTERVALS)
+        intervals.get(INTERVALS / 3).copied().filter(|_| intervals.len() == INTERVALS)
     }
 
     /// The last sample that is not later than `t`, and the one after it.
@@ -329,11 +345,15 @@ impl Track {
 
     /// Drops what no row at `t` or later needs. Returns whether any sample is left that such a row may need.
     pub(super) fn forget_before(&mut self, t: i64, max_gap: i64) -> bool {
+        let last_past = self.past.back().copied();
         while self.samples.get(1).is_some_and(|(second, _)| *second <= t) {
             self.past.extend(self.samples.pop_front().map(|(stamp, _)| stamp));
             if self.past.len() > INTERVALS + TOGETHER {
                 self.past.pop_front();
             }
+        }
+        if self.past.back().copied() != last_past {
+            self.usual = self.usual_interval();
         }
         self.samples.back().is_some_and(|(last, _)| *last >= t - max_gap)
     }
@@ -383,7 +403,10 @@ mod tests {
             // Up to an eighth of a step early or late.
             seen.insert(100 * number + 12 * (number % 3 - 1), values(number as f64, 0.0, 0.0));
         }
-        let row = |seen: &Track, t, dt| seen.row(t, dt, 500, Sampling::Linear).map(|values| values.x);
+        let row = |seen: &Track, t, dt| {
+            let moment = seen.moment(t, dt, Sampling::Linear).unwrap_or(t);
+            seen.row(moment, dt, 500, Sampling::Linear).map(|values| values.x)
+        };
         assert_ne!(row(&seen, 2400, 100), Some(24.0), "nothing is usual yet");
         seen.forget_before(2300, 500);
         let rows: Vec<Option<f64>> = (23..28).map(|number| row(&seen, 100 * number, 100)).collect();
@@ -413,6 +436,18 @@ mod tests {
         assert!(track.forget_before(250, 100));
         assert_eq!(track.samples.len(), 2);
         assert!(!track.forget_before(401, 100));
+    }
+
+    #[test]
+    fn who_goes_behind_another_follows() {
+        let at = |x: f64, theta: f64, v: f64| Values::from_array([0.0, 0.0, x, 0.0, theta, v, 0.0]);
+        let robot = at(0.0, 0.1, 0.5);
+        assert_eq!(robot.follows(&at(2.0, -0.1, 1.0)), Some(true));
+        assert_eq!(robot.follows(&at(2.0, PI, 1.0)), Some(false), "they meet");
+        assert_eq!(robot.follows(&at(-2.0, 0.0, 1.0)), Some(false), "it leads");
+        for other in [at(2.0, 0.0, 0.0), at(f64::NAN, 0.0, 1.0), at(0.0, 0.0, 1.0)] {
+            assert_eq!(robot.follows(&other), None);
+        }
     }
 
     #[test]

@@ -18,7 +18,7 @@ use super::{
 use crate::{
     Error, Message, Result, Time,
     gate::lock,
-    middleware::{Consumer, Middleware, Qos, Raw, Reply, is_token},
+    middleware::{Consumer, Middleware, Qos, Raw, Reply, is_token, namespace_of},
     params::{ParamSpec, Params, TakeParams, Value},
 };
 
@@ -56,7 +56,7 @@ impl LoopbackNode {
         let name = match topic.strip_prefix('~') {
             Some(private) => format!("{}/{}", self.name, private.strip_prefix('/').unwrap_or(private)),
             None if topic.starts_with('/') => topic.to_owned(),
-            None => format!("/{topic}"),
+            None => format!("{}/{topic}", namespace_of(&self.name)),
         };
         if name.split('/').skip(1).all(is_token) {
             return Ok(name);

@@ -17,27 +17,27 @@ use roscausal_msgs::{
 
 use super::*;
 use crate::{
+    conformance,
     inbox::{Inbox, Next},
-    laws,
     middleware::{Middleware, Publish, Qos},
 };
 
 const VOLATILE: Qos = Qos::Volatile(10);
 
 #[test]
-fn lockstep_obeys_the_laws() {
+fn lockstep_passes_the_conformance_tests() {
     let bus = Loopback::lockstep();
     let settle = || bus.advance_to(bus.now().plus_secs(0.005));
-    laws::middleware_laws(|name| bus.node(name), settle);
-    laws::absolute_parameters_are_shared(&|name: &str| bus.node(name));
+    conformance::middleware_conformance(|name| bus.node(name), settle);
+    conformance::absolute_parameters_are_shared(&|name: &str| bus.node(name));
 }
 
 #[test]
-fn live_obeys_the_laws() {
+fn live_passes_the_conformance_tests() {
     let start = std::time::Instant::now();
     let bus = Loopback::live(move || Time::from_secs_f64(1.0 + start.elapsed().as_secs_f64()));
-    laws::middleware_laws(|name| bus.node(name), || ());
-    laws::absolute_parameters_are_shared(&|name: &str| bus.node(name));
+    conformance::middleware_conformance(|name| bus.node(name), || ());
+    conformance::absolute_parameters_are_shared(&|name: &str| bus.node(name));
 }
 
 type Log = Arc<Mutex<Vec<String>>>;
@@ -46,7 +46,7 @@ type Log = Arc<Mutex<Vec<String>>>;
 async fn talker(node: LoopbackNode, period: f64, log: Log) {
     let name = node.node_name();
     let inbox = Inbox::new(&node, 100);
-    let said = node.advertise::<Float64>(&name, VOLATILE).unwrap();
+    let stated = node.advertise::<Float64>(&name, VOLATILE).unwrap();
     let subscriptions: Vec<_> = ["/a", "/b", "/c", "/clockwork"]
         .into_iter()
         .map(|topic| {
@@ -60,12 +60,12 @@ async fn talker(node: LoopbackNode, period: f64, log: Log) {
         let line = match inbox.awaited(&node, Some(deadline)).await {
             Next::Event((topic, data)) => {
                 if data < 3.0 && topic != name {
-                    said.publish(&Float64 { data: data + 1.0 }).unwrap();
+                    stated.publish(&Float64 { data: data + 1.0 }).unwrap();
                 }
                 format!("{name} hears {data} on {topic} at {:?}", node.now())
             }
             Next::Deadline => {
-                said.publish(&Float64 { data: 2.0 }).unwrap();
+                stated.publish(&Float64 { data: 2.0 }).unwrap();
                 deadline = deadline.plus_secs(period);
                 format!("{name} is due at {:?}", node.now())
             }
@@ -73,7 +73,7 @@ async fn talker(node: LoopbackNode, period: f64, log: Log) {
         };
         log.lock().unwrap().push(line);
     }
-    said.publish(&Float64 { data: 9.0 }).unwrap();
+    stated.publish(&Float64 { data: 9.0 }).unwrap();
     log.lock().unwrap().push(format!("{name} ends"));
     drop(subscriptions);
 }

@@ -39,7 +39,7 @@ pub(super) struct Slot {
 }
 
 impl Slot {
-    fn new<M: Message>(mut callback: impl FnMut(M) + Send + 'static) -> Self {
+    fn new<M: Any + Clone + Send + Sync>(mut callback: impl FnMut(M) + Send + 'static) -> Self {
         Self::of(move |payload| {
             if let Ok(message) = payload.downcast::<M>() {
                 callback(Arc::unwrap_or_clone(message));
@@ -230,17 +230,8 @@ impl LoopbackSubscription {
     }
 
     /// A subscription to messages of any type.
-    pub(super) fn listen(
-        bus: &Arc<Bus>,
-        topic: String,
-        mut callback: impl FnMut(Raw) + Send + 'static,
-    ) -> Self {
-        let slot = Arc::new(Slot::of(move |payload| {
-            if let Ok(raw) = payload.downcast::<Raw>() {
-                callback(Arc::unwrap_or_clone(raw));
-            }
-        }));
-        let id = bus.id();
+    pub(super) fn listen(bus: &Arc<Bus>, topic: String, callback: impl FnMut(Raw) + Send + 'static) -> Self {
+        let (id, slot) = (bus.id(), Arc::new(Slot::new(callback)));
         {
             let mut state = bus.lock();
             state.listeners.entry(topic.clone()).or_default().push((id, slot.clone()));

@@ -29,7 +29,7 @@ use crate::{
 };
 
 /// Topic of the variables, row by row.
-pub const FEATURES_TOPIC: &str = "/roscausal/features";
+pub const FEATURES_TOPIC: &str = "roscausal/features";
 
 /// Seconds between two writes to the journal: what a crash of the process costs.
 const JOURNAL_EVERY_S: f64 = 0.2;
@@ -103,36 +103,27 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
         }
         Processing::Script(_) | Processing::None => None,
     };
-    let writer = Writer::start(writing)?;
+    let writer = Writer::start(writing)?.that_waits(mw.is_lockstep());
     if let Some(first) = writer.first_journal() {
         recorder = recorder.with_journal(first);
     }
     let mut health = Health::new(mw)?;
     let inbox = Inbox::gathering(mw, INBOX);
-    let robot_topic = in_namespace("robot", &params.text("robot"), "/roscausal/robot")?;
+    let robot_topic = in_namespace("robot", &params.text("robot"), "roscausal/robot")?;
     let others = params.list("other_robots");
     let robot_input = health.input::<RobotState>(&robot_topic, with_people);
-    let humans_input = health.input::<Humans>("/roscausal/humans", with_people);
-    let (robot, humans) = (inbox.sender(), inbox.sender());
-    let _robot = mw.subscribe(&robot_topic, Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
-    let _humans = mw.subscribe("/roscausal/humans", Qos::Volatile(WAITING_PEOPLE), move |m| {
-        humans.send(Event::Humans(m))
-    })?;
+    let humans_input = health.input::<Humans>("roscausal/humans", with_people);
+    let _robot = inbox.subscribe(mw, &robot_topic, Qos::Volatile(1000), Event::Robot)?;
+    let _humans = inbox.subscribe(mw, "roscausal/humans", Qos::Volatile(WAITING_PEOPLE), Event::Humans)?;
 
     let mut _others = Vec::new();
     for (place, name) in others.iter().enumerate() {
-        let topic = in_namespace("other_robots", name, "/roscausal/robot")?;
-        let other = inbox.sender();
-        let take = move |m| other.send(Event::Other(place, m));
-        _others.push(mw.subscribe(&topic, Qos::Volatile(1000), take)?);
+        let topic = in_namespace("other_robots", name, "roscausal/robot")?;
+        let other = move |m| Event::Other(place, m);
+        _others.push(inbox.subscribe(mw, &topic, Qos::Volatile(1000), other)?);
     }
-    let _context = match params.text_if_set("context_topic") {
-        Some(topic) => {
-            let context = inbox.sender();
-            Some(mw.subscribe(&topic, Qos::Latched, move |m: Text| context.send(Event::Context(m.data)))?)
-        }
-        None => None,
-    };
+    let context = |topic: String| inbox.subscribe(mw, &topic, Qos::Latched, |m: Text| Event::Context(m.data));
+    let _context = params.text_if_set("context_topic").map(context).transpose()?;
 
     let mut _listened = Vec::new();
     for (place, topic) in signals.topics().iter().enumerate() {
@@ -140,7 +131,7 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
         _listened.push(mw.listen(topic, move |m| signal.send(Event::Signal(place, m)))?);
     }
 
-    let mut told = Recorded { rows: 0, of: None, batches: 0 };
+    let mut reported = Recorded { rows: 0, of: None, batches: 0 };
     let (mut journal_due, mut refused, mut stopped) = (mw.now(), 0_u64, false);
     let mut unnoted = false;
     loop {
@@ -210,14 +201,14 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
         }
         journal_due = journal_due.min(now.plus_secs(JOURNAL_EVERY_S));
         for (batch, journal) in batches {
-            told.batches += 1;
+            reported.batches += 1;
             health.sent();
             writer.write(batch, journal);
         }
         let (rows, of) = recorder.progress();
-        if (rows, of) != (told.rows, told.of) {
-            told = Recorded { rows, of, ..told };
-            on_progress(told);
+        if (rows, of) != (reported.rows, reported.of) {
+            reported = Recorded { rows, of, ..reported };
+            on_progress(reported);
         }
         if next == Next::Shutdown {
             return Ok(());
@@ -252,6 +243,7 @@ fn report<M: Middleware>(
         ("rows of a batch", recorder.progress().1.unwrap_or(0) as u64),
         ("sightings for 100 rows", (100.0 * per_row).round() as u64),
         ("reach ahead of rows, 1/1000 of a step", (1000.0 * ahead).round() as u64),
+        ("rows in which the robot follows, of 100 in which both move", recorder.follows()),
         ("batches written", status.written),
         ("batches post-processed", status.processed),
         ("post-processings failed", status.failed),
@@ -269,6 +261,8 @@ fn report<M: Middleware>(
         ("messages of signals not read", signals.unreadable()),
     ]
     .map(|(name, figure)| (name, figure.to_string()));
+    // A disk or pool that is full, or nobody of those who are to be recorded.
+    health.fails(status.trouble.is_some() || recorder.trouble().is_some());
     let trouble = status.trouble.or(status.last_failure).or(journal.trouble);
     let trouble = trouble.or_else(|| signals.trouble().map(str::to_owned)).or_else(|| recorder.trouble());
     health.report(mw, || figures, trouble.as_deref());

@@ -24,13 +24,7 @@ use roscausal_discovery::names::plain;
 
 /// Parameters that say where files are, not what is in them.
 const PLACES: [&str; 8] = [
-    "msg_path",
-    "data_dir",
-    "pp_data_dir",
-    "pp_script_dir",
-    "max_pool_size",
-    "max_pool_bytes",
-    "pool_policy",
+    "msg_path", "data_dir", "pp_data_dir", "pp_script_dir", "max_pool_size", "max_pool_bytes", "pool_policy",
     "journal",
 ];
 
@@ -51,7 +45,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         of_data live "ts_length" = Double(150.0), Any,
             "length of a batch in seconds; empty or 0: until the end";
         of_data "dt" = Double(0.1), Range(0.001, 60.0), "step between rows in seconds";
-        of_data "sampling" = text("auto"), OneOf(&["auto", "linear", "hold"]),
+        of_data "sampling" = text("auto"), OneOf(Sampling::NAMES),
             "what a row holds: linear: what lies between the samples before and after it; hold: the newest sample that is not later; auto: hold where samples come two and a half times a row or more often, else linear";
         of_data "subsampling" = Bool(false), Any, "older name: true is the sampling hold";
         of_data "max_gap" = Double(0.5), Range(0.001, 60.0),
@@ -86,7 +80,9 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         of_data "seed" = Int(0), Range(0.0, 9e15), "seed of that noise";
         of_data "feature_names" = List(names), Any,
             "names of the speed, the distance to the goal, and the risk";
-        of_data "features" = List(Vec::new()), Any, "your own features, each 'name = expression'";
+        of_data "features" = List(Vec::new()), Any,
+            "more features, each 'name = expression' (docs/data.md), such as r_v = r.v; one with the name of a usual one replaces it";
+        of_data "features_only" = List(Vec::new()), Any, "features in the place of the usual three";
         of_data "signals" = List(Vec::new()), Any,
             "numbers of any topic as variables, each 'name = /topic.field' (docs/signals.md)";
         of_data "signal_max_age" = Double(2.0), Range(0.001, 1e9),
@@ -120,7 +116,7 @@ pub(super) fn recorder(params: &Params) -> Result<RecorderConfig> {
         params.text("sel_agent").parse().map_err(|reason| Error::param("sel_agent", reason))?;
     let sampling = match params.flag("subsampling") {
         true => Sampling::Hold,
-        false => params.text("sampling").parse().map_err(|reason| Error::param("sampling", reason))?,
+        false => params.text("sampling").parse()?,
     };
     Ok(RecorderConfig { dt_s, ts_length_s, max_gap_s, sampling, select })
 }
@@ -144,21 +140,24 @@ pub(super) fn signals(params: &Params) -> Result<Signals> {
         }
     }
     if signals.is_empty() && features.is_empty() {
-        return Err(Error::param(
-            "sel_agent",
-            "nobody: there is nothing to record; give signals or features",
-        ));
+        let reason = "nobody: there is nothing to record; give signals or features";
+        return Err(Error::param("sel_agent", reason));
     }
     Ok(Signals::new(signals, Definitions::of(&params.text("msg_path"))))
 }
 
 /// The features; none of the paper's where nobody is recorded.
 fn features(params: &Params) -> Result<Vec<Feature>> {
-    let own = params.list("features");
-    if own.is_empty() && params.text("sel_agent").parse() == Ok(Select::Nobody) {
-        return Ok(Vec::new());
-    }
-    Feature::parse(&own, &params.list("feature_names"))
+    let (more, only) = (params.list("features"), params.list("features_only"));
+    let nobody = params.text("sel_agent").parse() == Ok(Select::Nobody);
+    let usual = match only.is_empty() {
+        true if nobody => Vec::new(),
+        true => Feature::defaults(&params.list("feature_names"))?,
+        false => Feature::parse("features_only", &only)?,
+    };
+    let more = Feature::parse("features", &more)?;
+    let is_new = |one: &Feature| more.iter().all(|other| plain(&other.name) != plain(&one.name));
+    Ok(usual.into_iter().filter(is_new).chain(more.iter().cloned()).collect())
 }
 
 /// Where and how batches are written.
@@ -275,6 +274,23 @@ mod tests {
     }
 
     #[test]
+    fn features_add_to_the_usual_ones_and_features_only_replaces_them() {
+        let names = |settings: &[(&str, Value)]| match with(settings).expect("are allowed").1.processing {
+            Processing::BuiltIn(built_in) => {
+                built_in.features.iter().map(|one| one.name.clone()).collect::<Vec<_>>()
+            }
+            _ => Vec::new(),
+        };
+        assert_eq!(names(&[("features", text("r_v = r.v"))]), ["h_v", "h_dg", "h_risk", "r_v"]);
+        assert_eq!(names(&[("features", text("h_v = 2 * h.v"))]), ["h_dg", "h_risk", "h_v"]);
+        assert_eq!(
+            names(&[("features_only", text("r_v = r.v")), ("features", text("d = dist(h, r)"))]),
+            ["r_v", "d"]
+        );
+        assert_eq!(names(&[("sel_agent", text("nobody")), ("features", text("r_v = r.v"))]), ["r_v"]);
+    }
+
+    #[test]
     fn an_empty_length_is_until_the_end() {
         for length in [text(""), Value::Int(0), Value::Double(0.0)] {
             assert_eq!(with(&[("ts_length", length)]).expect("is allowed").0.ts_length_s, None);
@@ -293,6 +309,7 @@ mod tests {
             ("pp_script", text("none.py")),
             ("risk_model", text("v2")),
             ("features", text("h_v = speed(x)")),
+            ("features_only", text("h_v = speed(x)")),
             ("feature_names", text("a, b")),
             ("id_format", text("%Q")),
             ("csv_prefix", text("../x")),

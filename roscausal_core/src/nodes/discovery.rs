@@ -44,8 +44,8 @@ use crate::{
     threads::in_pool,
 };
 
-/// Topic of what stands behind each model: JSON with `batch` (as `batch_id` of the model) and `evidence`.
-pub const EVIDENCE_TOPIC: &str = "/roscausal/causal_evidence";
+/// Topic of what stands behind each model: JSON with `batch` (as `batch_id` of the model), `conclusion` (sentences of its summary) and `evidence`.
+pub const EVIDENCE_TOPIC: &str = "roscausal/causal_evidence";
 /// Folder beside the models that holds what stands behind them, a file of the same name for each.
 pub const EVIDENCE_FOLDER: &str = "evidence";
 
@@ -173,17 +173,17 @@ struct Outputs<M: Middleware> {
 impl<M: Middleware> Outputs<M> {
     fn new(mw: &M) -> Result<Self> {
         Ok(Self {
-            model: mw.advertise("/roscausal/causal_model", Qos::Latched)?,
-            info: mw.advertise("/roscausal/causal_model_info", Qos::Latched)?,
+            model: mw.advertise("roscausal/causal_model", Qos::Latched)?,
+            info: mw.advertise("roscausal/causal_model_info", Qos::Latched)?,
             evidence: mw.advertise(EVIDENCE_TOPIC, Qos::Latched)?,
             changes: mw.advertise(CHANGES_TOPIC, Qos::Latched)?,
             dag: (
-                mw.advertise("/roscausal/dag", Qos::Latched)?,
-                mw.advertise("/roscausal/dag/compressed", Qos::Latched)?,
+                mw.advertise("roscausal/dag", Qos::Latched)?,
+                mw.advertise("roscausal/dag/compressed", Qos::Latched)?,
             ),
             tsdag: (
-                mw.advertise("/roscausal/tsdag", Qos::Latched)?,
-                mw.advertise("/roscausal/tsdag/compressed", Qos::Latched)?,
+                mw.advertise("roscausal/tsdag", Qos::Latched)?,
+                mw.advertise("roscausal/tsdag/compressed", Qos::Latched)?,
             ),
         })
     }
@@ -313,13 +313,13 @@ impl<M: Middleware> Node<M> {
     /// Writes the regime, and tells what changed: what is announced is on disk.
     fn tell_changes(&mut self, mw: &M, regime: Regime, frame_id: &str) -> Result<()> {
         let Some(rolling) = &mut self.rolling else { return Ok(()) };
-        let told = rolling.regime.events.last().map_or(0, |told| told.number);
+        let reported = rolling.regime.events.last().map_or(0, |reported| reported.number);
         rolling.save(regime)?;
         let Some(rolling) = &self.rolling else { return Ok(()) };
-        for told in rolling.regime.events.iter().filter(|event| event.number > told) {
-            match told.event.status {
-                Status::Confirmed => tracing::warn!("{}: {}", told.batch, told.event.sentence()),
-                _ => tracing::info!("{}: {}", told.batch, told.event.sentence()),
+        for reported in rolling.regime.events.iter().filter(|event| event.number > reported) {
+            match reported.event.status {
+                Status::Confirmed => tracing::warn!("{}: {}", reported.batch, reported.event.sentence()),
+                _ => tracing::info!("{}: {}", reported.batch, reported.event.sentence()),
             }
         }
         self.publish_changes(mw, &rolling.regime, frame_id)
@@ -441,6 +441,7 @@ impl<M: Middleware> Node<M> {
         before: Option<&Model>,
     ) -> Result<()> {
         let (dag, tsdag) = (draw::dag(model), draw::tsdag(model));
+        let summary = model.summary().spelled(parameter);
         if let Some(dir) = &self.params.res_dir {
             if let Some(evidence) = evidence {
                 write_evidence(dir, evidence, &origin.batch_id)?;
@@ -454,12 +455,16 @@ impl<M: Middleware> Node<M> {
             compressed.publish(&png)?;
         }
         if let Some(evidence) = evidence {
-            let data = serde_json::json!({"batch": origin.batch_id, "evidence": evidence}).to_string();
-            self.out.evidence.publish(&Text { data })?;
+            let data = serde_json::json!({
+                "batch": origin.batch_id, "conclusion": summary.conclusion, "evidence": evidence,
+            });
+            self.out.evidence.publish(&Text { data: data.to_string() })?;
         }
         self.out.info.publish(&causal_model_info(model, &header, origin, before))?;
         self.out.model.publish(&causal_model(model, &header))?;
-        tracing::info!("{}: {} links", origin.batch_id, model.links.len());
+        let (stated, next) = (summary.conclusion.iter(), summary.advice.iter().map(|advice| &advice.text));
+        let stated: Vec<&str> = stated.chain(next).map(String::as_str).collect();
+        tracing::info!("{}: {} links. {}", origin.batch_id, model.links.len(), stated.join(" "));
         Ok(())
     }
 }
@@ -540,10 +545,8 @@ fn method(
         };
         let mut request = params.request.clone();
         let named = &params.request.settings.exogenous;
-        request
-            .settings
-            .exogenous
-            .extend(part.exogenous.iter().filter(|name| !named.contains(name)).cloned());
+        let new = part.exogenous.iter().filter(|name| !named.contains(name)).cloned();
+        request.settings.exogenous.extend(new);
         let data = part.data.with_named_vectors(&request.vectors)?;
         let settings = request.for_variables(data.var_names());
         let settings = settings.map_err(|error| Error::of_rules(error, params.links.as_ref()))?;

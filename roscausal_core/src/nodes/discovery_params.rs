@@ -51,20 +51,8 @@ pub(super) struct DiscoveryParams {
 /// What a running node keeps: where files and programs are, and what its regime rests on. All else it takes anew, from the next batch
 /// on.
 const FIXED: [&str; 15] = [
-    "data_dir",
-    "res_dir",
-    "csv_prefix",
-    "id_format",
-    "cd_method_dir",
-    "null_dist",
-    "links",
-    "people",
-    "keep_batches",
-    "window_batches",
-    "window_samples",
-    "detect_changes",
-    "change_rows",
-    "suspect_level",
+    "data_dir", "res_dir", "csv_prefix", "id_format", "cd_method_dir", "null_dist", "links", "people",
+    "keep_batches", "window_batches", "window_samples", "detect_changes", "change_rows", "suspect_level",
     "confirm_level",
 ];
 

@@ -8,7 +8,7 @@ use roscausal_msgs::{
 
 use crate::{
     Message, Result,
-    middleware::{Middleware, Publish, Qos},
+    middleware::{Middleware, Publish, Qos, namespace_of},
 };
 
 /// Seconds between two reports.
@@ -19,11 +19,13 @@ const SILENT_S: f64 = 5.0;
 /// Inputs, outputs and problems of one node, reported once a second.
 pub(super) struct Health<M: Middleware> {
     publisher: M::Publisher<DiagnosticArray>,
+    namespace: String,
     started: Time,
     next: Time,
     inputs: Vec<Input>,
     outputs: u64,
-    told: String,
+    fails: bool,
+    reported: String,
 }
 
 struct Input {
@@ -37,7 +39,9 @@ struct Input {
 impl<M: Middleware> Health<M> {
     pub(super) fn new(mw: &M) -> Result<Self> {
         let (publisher, now) = (mw.advertise("/diagnostics", Qos::Volatile(10))?, mw.now());
-        Ok(Self { publisher, started: now, next: now, inputs: Vec::new(), outputs: 0, told: String::new() })
+        let namespace = namespace_of(&mw.node_name()).to_owned();
+        let (inputs, reported) = (Vec::new(), String::new());
+        Ok(Self { publisher, namespace, started: now, next: now, inputs, outputs: 0, fails: false, reported })
     }
 
     /// Registers an input. If it is `required`, its silence is reported. Returns its number for [`Health::heard`].
@@ -51,7 +55,11 @@ impl<M: Middleware> Health<M> {
     }
 
     fn add(&mut self, topic: &str, type_name: String, required: bool) -> usize {
-        self.inputs.push(Input { topic: topic.to_owned(), type_name, required, heard: 0, last: None });
+        let topic = match topic.starts_with('/') {
+            true => topic.to_owned(),
+            false => format!("{}/{topic}", self.namespace),
+        };
+        self.inputs.push(Input { topic, type_name, required, heard: 0, last: None });
         self.inputs.len() - 1
     }
 
@@ -64,6 +72,11 @@ impl<M: Middleware> Health<M> {
 
     pub(super) fn sent(&mut self) {
         self.outputs += 1;
+    }
+
+    /// Whether the node's trouble keeps it from its work: an error, not a warning.
+    pub(super) fn fails(&mut self, fails: bool) {
+        self.fails = fails;
     }
 
     /// When the next report is due.
@@ -100,7 +113,11 @@ impl<M: Middleware> Health<M> {
         values.push(pair("sent", self.outputs.to_string()));
         values.extend(figures().into_iter().map(|(key, value)| pair(key, value)));
         let status = DiagnosticStatus {
-            level: if message.is_some() { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
+            level: match message {
+                Some(_) if self.fails => DiagnosticStatus::ERROR,
+                Some(_) => DiagnosticStatus::WARN,
+                None => DiagnosticStatus::OK,
+            },
             name: mw.node_name().trim_start_matches('/').to_owned(),
             message: message.unwrap_or_else(|| "running".to_owned()),
             hardware_id: String::new(),
@@ -134,10 +151,10 @@ impl<M: Middleware> Health<M> {
         // The seconds in a message change, but the problem is the same.
         let kind: String = message.unwrap_or_default().chars().filter(|c| !c.is_ascii_digit()).collect();
         match message {
-            Some(message) if kind != self.told => tracing::warn!("{message}"),
-            None if !self.told.is_empty() => tracing::info!("running again"),
+            Some(message) if kind != self.reported => tracing::warn!("{message}"),
+            None if !self.reported.is_empty() => tracing::info!("running again"),
             _ => {}
         }
-        self.told = kind;
+        self.reported = kind;
     }
 }

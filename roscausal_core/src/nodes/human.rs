@@ -91,7 +91,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         of_data "join_gate" = Value::Double(0.8), Range(0.0, 10.0),
             "people without identity (PoseArray): a sighting within this many metres of a track, and 2 m per second since, belongs to it";
         of_data "rejoin_time" = Value::Double(0.0), Range(0.0, 60.0),
-            "seconds: a new id within join_gate of somebody who was lost for at most this long is hers; 0: never";
+            "seconds: a new id within join_gate of somebody who was lost for at most this long is theirs; 0: never";
         of_data "position_noise" = Value::Double(0.05), Range(0.0, 5.0),
             "trackers without velocities: noise of their positions, metres, for the filter that gives velocities; 0: differences";
     }
@@ -110,24 +110,16 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     let params = Params::read(mw, &specs())?;
     let mut health = Health::new(mw)?;
     let inbox = Inbox::new(mw, 1000);
-    let everybody = mw.advertise::<Humans>("/roscausal/humans", Qos::Volatile(100))?;
-    let selected = mw.advertise::<HumanState>("/roscausal/human", Qos::Volatile(100))?;
+    let everybody = mw.advertise::<Humans>("roscausal/humans", Qos::Volatile(100))?;
+    let selected = mw.advertise::<HumanState>("roscausal/human", Qos::Volatile(100))?;
     let mut readers = Vec::new();
     let _inputs = subscribe_people(mw, &params, &inbox, &mut health, &mut readers)?;
-    let _goal = match params.text_if_set("goal_topic") {
-        Some(topic) => {
-            let send = inbox.sender();
-            let goal = move |m: PoseStamped| send.send(Event::Goal(m.pose.position));
-            Some(mw.subscribe(&topic, Qos::Volatile(10), goal)?)
-        }
-        None => None,
-    };
-    let (dynamic, fixed) = (inbox.sender(), inbox.sender());
+    let goal = |m: PoseStamped| Event::Goal(m.pose.position);
+    let goals = |topic: String| inbox.subscribe(mw, &topic, Qos::Volatile(10), goal);
+    let _goal = params.text_if_set("goal_topic").map(goals).transpose()?;
     let tf = params.text_if_set("tf_topic").unwrap_or_else(|| "/tf".to_owned());
-    let _tf = mw.subscribe(&tf, Qos::Volatile(100), move |m: TFMessage| dynamic.send(Event::Tf(m, false)))?;
-    let _tf_static = mw.subscribe(&format!("{tf}_static"), Qos::Latched, move |m: TFMessage| {
-        fixed.send(Event::Tf(m, true))
-    })?;
+    let _tf = inbox.subscribe(mw, &tf, Qos::Volatile(100), |m| Event::Tf(m, false))?;
+    let _tf_static = inbox.subscribe(mw, &format!("{tf}_static"), Qos::Latched, |m| Event::Tf(m, true))?;
 
     let ros4hri = params.text("people_type") == "ros4hri";
     let select: Select =
@@ -209,7 +201,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
                 ("no transform in time", tracker.without_transform.to_string()),
                 ("without stamp", unstamped.to_string()),
                 ("seen twice at one stamp", tracker.repeated.to_string()),
-                ("numbers of names", tracker.identities.names.told()),
+                ("numbers of names", tracker.identities.names.reported()),
                 ("numbers that changed", tracker.identities.changed()),
                 (
                     "not readable",
@@ -242,18 +234,16 @@ fn subscribe_others<M: Middleware>(
 ) -> Result<Vec<M::Subscription>> {
     let mut subscriptions = Vec::new();
     if let Some(topic) = params.text_if_set("goals_topic") {
-        let send = inbox.sender();
-        let goals = move |m: pedsim_msgs::TrackedPersons| {
+        let goals = |m: pedsim_msgs::TrackedPersons| {
             let goal = |t: pedsim_msgs::TrackedPerson| (t.track_id as u32, t.pose.pose.position);
-            send.send(Event::Goals(m.tracks.into_iter().map(goal).collect()));
+            Event::Goals(m.tracks.into_iter().map(goal).collect())
         };
-        subscriptions.push(mw.subscribe(&topic, Qos::Latched, goals)?);
+        subscriptions.push(inbox.subscribe(mw, &topic, Qos::Latched, goals)?);
     }
     if matches!(select, Select::Nearest(_)) {
-        let send = inbox.sender();
-        let topic = in_namespace("robot", &params.text("robot"), "/roscausal/robot")?;
-        let robot = move |m: RobotState| send.send(Event::Robot(m.pose2d));
-        subscriptions.push(mw.subscribe(&topic, Qos::Volatile(10), robot)?);
+        let topic = in_namespace("robot", &params.text("robot"), "roscausal/robot")?;
+        let robot = |m: RobotState| Event::Robot(m.pose2d);
+        subscriptions.push(inbox.subscribe(mw, &topic, Qos::Volatile(10), robot)?);
     }
     Ok(subscriptions)
 }
@@ -268,26 +258,23 @@ fn subscribe_people<M: Middleware>(
     let mut subscriptions = Vec::new();
     let qos = Qos::Volatile(100);
     if let Some(topic) = params.text_if_set("auto_people_topic") {
-        let (send, input) = (inbox.sender(), health.input::<pedsim_msgs::AgentStates>(&topic, false));
-        let take =
-            move |m: pedsim_msgs::AgentStates| send.send(Event::People(input, m.header.stamp, of_agents(m)));
-        subscriptions.push(mw.subscribe(&topic, qos, take)?);
+        let input = health.input::<pedsim_msgs::AgentStates>(&topic, false);
+        let people = move |m: pedsim_msgs::AgentStates| Event::People(input, m.header.stamp, of_agents(m));
+        subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
     }
     if let Some(topic) = params.text_if_set("teleop_people_topic") {
-        let (send, input) = (inbox.sender(), health.input::<pedsim_msgs::TrackedPersons>(&topic, false));
-        let take = move |m: pedsim_msgs::TrackedPersons| {
+        let input = health.input::<pedsim_msgs::TrackedPersons>(&topic, false);
+        let people = move |m: pedsim_msgs::TrackedPersons| {
             let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
-            send.send(Event::People(input, m.header.stamp, of_tracks(&m.header, tracks)));
+            Event::People(input, m.header.stamp, of_tracks(&m.header, tracks))
         };
-        subscriptions.push(mw.subscribe(&topic, qos, take)?);
+        subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
     }
     if params.text("people_type") == "ros4hri" {
         for (topic, prefix) in ROS4HRI {
-            let (send, input) = (inbox.sender(), health.input::<hri_msgs::IdsList>(topic, false));
-            let take = move |m: hri_msgs::IdsList| {
-                send.send(Event::Tracked(input, m.header.stamp, prefix, m.ids));
-            };
-            subscriptions.push(mw.subscribe(topic, qos, take)?);
+            let input = health.input::<hri_msgs::IdsList>(topic, false);
+            let ids = move |m: hri_msgs::IdsList| Event::Tracked(input, m.header.stamp, prefix, m.ids);
+            subscriptions.push(inbox.subscribe(mw, topic, qos, ids)?);
         }
     }
     let Some(topic) = params.text_if_set("people_topic") else { return Ok(subscriptions) };
@@ -302,26 +289,24 @@ fn subscribe_people<M: Middleware>(
         }
         return Ok(subscriptions);
     }
-    let send = inbox.sender();
     match params.text("people_type").as_str() {
         "spencer_tracking_msgs/TrackedPersons" => {
             let input = health.input::<spencer_tracking_msgs::TrackedPersons>(&topic, true);
-            let take = move |m: spencer_tracking_msgs::TrackedPersons| {
+            let people = move |m: spencer_tracking_msgs::TrackedPersons| {
                 let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
-                send.send(Event::People(input, m.header.stamp, of_tracks(&m.header, tracks)));
+                Event::People(input, m.header.stamp, of_tracks(&m.header, tracks))
             };
-            subscriptions.push(mw.subscribe(&topic, qos, take)?);
+            subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
         }
         "people_msgs/People" => {
             let input = health.input::<people_msgs::People>(&topic, true);
-            let take =
-                move |m: people_msgs::People| send.send(Event::People(input, m.header.stamp, of_people(m)));
-            subscriptions.push(mw.subscribe(&topic, qos, take)?);
+            let people = move |m: people_msgs::People| Event::People(input, m.header.stamp, of_people(m));
+            subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
         }
         "geometry_msgs/PoseArray" => {
             let input = health.input::<PoseArray>(&topic, true);
-            let take = move |m: PoseArray| send.send(Event::People(input, m.header.stamp, of_poses(m)));
-            subscriptions.push(mw.subscribe(&topic, qos, take)?);
+            let people = move |m: PoseArray| Event::People(input, m.header.stamp, of_poses(m));
+            subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
         }
         _ => {}
     }
@@ -329,33 +314,19 @@ fn subscribe_people<M: Middleware>(
 }
 
 fn of_agents(message: pedsim_msgs::AgentStates) -> Vec<(Who, Sighting)> {
-    let header = message.header;
-    let sighting = |agent: pedsim_msgs::AgentState| Sighting {
-        id: id_of_number(agent.id),
-        header: header.clone(),
-        pose: agent.pose,
-        twist: Some(agent.twist),
-        goal: None,
-    };
-    message
-        .agent_states
-        .into_iter()
-        .map(|agent| (Who::Number(id_of_number(agent.id)), sighting(agent)))
-        .collect()
+    let agents = message.agent_states.into_iter().map(|agent| (agent.id, agent.pose, agent.twist));
+    of_tracks(&message.header, agents)
 }
 
 fn of_tracks(
     header: &Header,
     tracks: impl Iterator<Item = (u64, roscausal_msgs::geometry_msgs::Pose, roscausal_msgs::geometry_msgs::Twist)>,
 ) -> Vec<(Who, Sighting)> {
-    let sighting = |(id, pose, twist)| Sighting {
-        id: id_of_number(id),
-        header: header.clone(),
-        pose,
-        twist: Some(twist),
-        goal: None,
+    let sighting = |(id, pose, twist)| {
+        let (id, twist) = (id_of_number(id), Some(twist));
+        (Who::Number(id), Sighting { id, header: header.clone(), pose, twist, goal: None })
     };
-    tracks.map(|track| (Who::Number(id_of_number(track.0)), sighting(track))).collect()
+    tracks.map(sighting).collect()
 }
 
 fn of_people(message: people_msgs::People) -> Vec<(Who, Sighting)> {

@@ -54,16 +54,16 @@ impl Age {
 
 #[cfg(test)]
 mod tests {
-    use roscausal_discovery::{Matrices, Settings};
+    use roscausal_discovery::{LinkMark, Matrices, Settings};
 
     use super::*;
 
     fn model(mark: &str) -> Model {
-        let graph = vec![vec![vec![String::new(), String::new()]; 2]; 2];
+        let graph = vec![vec![vec![LinkMark::Absent; 2]; 2]; 2];
         let numbers = |v: f64| vec![vec![vec![v; 2]; 2]; 2];
         let mut matrices =
             Matrices { graph, val_matrix: numbers(0.5), p_matrix: numbers(0.001), ..Matrices::default() };
-        matrices.graph[0][1][1] = mark.to_owned();
+        matrices.graph[0][1][1] = mark.parse().unwrap();
         Settings::default().blank_model().with_matrices(vec!["a".into(), "b".into()], matrices)
     }
 

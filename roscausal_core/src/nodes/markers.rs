@@ -15,7 +15,7 @@ use crate::{
     params::Params,
 };
 
-const TOPIC: &str = "/roscausal/markers";
+const TOPIC: &str = "roscausal/markers";
 /// A marker that is not repeated for this long disappears.
 const LIFETIME: Duration = Duration { sec: 0, nanosec: 500_000_000 };
 /// Least seconds between two messages.
@@ -59,11 +59,9 @@ pub(super) async fn markers_task<M: Middleware>(mw: &M) -> Result<()> {
     };
     let robot_topic = options.robot_topic()?;
     let robot_input = health.input::<RobotState>(&robot_topic, false);
-    let humans_input = health.input::<Humans>("/roscausal/humans", true);
-    let (robots, people) = (inbox.sender(), inbox.sender());
-    let _robot = mw.subscribe(&robot_topic, Qos::Volatile(100), move |m| robots.send(Event::Robot(m)))?;
-    let _humans =
-        mw.subscribe("/roscausal/humans", Qos::Volatile(100), move |m| people.send(Event::Humans(m)))?;
+    let humans_input = health.input::<Humans>("roscausal/humans", true);
+    let _robot = inbox.subscribe(mw, &robot_topic, Qos::Volatile(100), Event::Robot)?;
+    let _humans = inbox.subscribe(mw, "roscausal/humans", Qos::Volatile(100), Event::Humans)?;
 
     let mut robot: Option<RobotState> = None;
     let mut due = mw.now();
@@ -248,14 +246,7 @@ mod tests {
         let seen = seen.lock().expect("a lock");
         assert_eq!(seen.len(), 1);
         let expected = [
-            "people",
-            "names",
-            "people",
-            "names",
-            "person_goal",
-            "person_goal_line",
-            "robot",
-            "risk_cone",
+            "people", "names", "people", "names", "person_goal", "person_goal_line", "robot", "risk_cone",
             "risk_cone_edge",
         ];
         assert_eq!(kinds(&seen[0]), expected);

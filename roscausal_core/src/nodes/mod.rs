@@ -1,6 +1,7 @@
 //! The nodes: wiring only. Topic names live here; the meaning of messages lives in `state`, `batch` and
 //! `discovery`.
 
+mod advisor;
 mod data;
 mod data_params;
 mod discovery;
@@ -27,6 +28,8 @@ use std::{
     task::{Context, Poll, Waker},
 };
 
+use roscausal_msgs::Wires;
+
 use crate::{
     Error, Result,
     batch::postprocess::Postprocess,
@@ -35,6 +38,7 @@ use crate::{
     params::{ParamSpec, Params, Value, nearest},
 };
 
+pub use advisor::{advisor, watchdog};
 pub use data::{FEATURES_TOPIC, Recorded, data, data_task, data_with};
 pub use discovery::{EVIDENCE_FOLDER, EVIDENCE_TOPIC, discovery, discovery_with};
 pub use human::human;
@@ -57,7 +61,8 @@ pub(crate) fn path(text: &str) -> PathBuf {
 }
 
 /// Names of the nodes, as users start them.
-pub const NODES: [&str; 6] = ["robot", "human", "data", "discovery", "markers", "reasoning"];
+pub const NODES: [&str; 8] =
+    ["robot", "human", "data", "discovery", "markers", "reasoning", "advisor", "watchdog"];
 
 /// Runs the node `name` until the middleware ends.
 ///
@@ -71,6 +76,8 @@ pub fn run<M: Middleware>(name: &str, mw: &M) -> Result<()> {
         "discovery" => discovery(mw),
         "markers" => markers(mw),
         "reasoning" => reasoning(mw),
+        "advisor" => advisor(mw),
+        "watchdog" => watchdog(mw),
         _ => Err(unknown_node(name)),
     }
 }
@@ -86,7 +93,7 @@ pub async fn run_task<M: Middleware>(name: &str, mw: &M) -> Result<()> {
         "human" => human::human_task(mw).await,
         "data" => data::data_task(mw, |_| {}).await,
         "markers" => markers::markers_task(mw).await,
-        "discovery" | "reasoning" => {
+        "discovery" | "reasoning" | "advisor" | "watchdog" => {
             Err(Error::Middleware(format!("the {name} node needs a thread of its own")))
         }
         _ => Err(unknown_node(name)),
@@ -101,18 +108,29 @@ fn to_its_end(node: impl Future<Output = Result<()>>) -> Result<()> {
     }
 }
 
-/// The parameters of the node `name`: for documentation, and for backends that declare them.
+/// The parameters of the node `name` with the defaults of ROS-Causal, which hold everywhere but on ROS 2: for documentation, and for
+/// backends that declare them.
 ///
 /// # Errors
 /// An unknown name.
 pub fn parameters(name: &str) -> Result<Vec<ParamSpec>> {
+    parameters_on(name, Wires::Both)
+}
+
+/// As [`parameters`], with the defaults on a middleware of these wires.
+///
+/// # Errors
+/// An unknown name.
+pub fn parameters_on(name: &str, wires: Wires) -> Result<Vec<ParamSpec>> {
     match name {
-        "robot" => Ok(robot::specs()),
+        "robot" => Ok(robot::specs(wires)),
         "human" => Ok(human::specs()),
         "data" => Ok(data_params::specs()),
         "discovery" => Ok(discovery_params::specs()),
         "markers" => Ok(SceneOptions::specs()),
         "reasoning" => Ok(reasoning_params::specs()),
+        "advisor" => Ok(advisor::specs()),
+        "watchdog" => Ok(advisor::watchdog_specs()),
         _ => Err(unknown_node(name)),
     }
 }
@@ -129,18 +147,21 @@ pub fn postprocess(given: &[(String, Value)]) -> Result<Postprocess> {
     data_params::built_in(&Params::read(&bus.node("data"), &data_params::specs())?)
 }
 
-/// A topic in the namespace of the robot `name`; the topic itself if the name is empty.
+/// A topic in the namespace of the robot `name`; the topic itself if the name is empty: a relative one, such as ours, is then in the
+/// node's own namespace.
 ///
 /// # Errors
 /// A name that is not a namespace, as an error of the parameter.
 pub(crate) fn in_namespace(parameter: &str, name: &str, topic: &str) -> Result<String> {
     let name = name.trim().trim_matches('/');
     let legal = |c: char| c.is_ascii_alphanumeric() || c == '_';
-    if !name.chars().all(legal) || name.starts_with(|c: char| c.is_ascii_digit()) {
+    let is_name = |part: &str| part.chars().all(legal) && !part.starts_with(|c: char| c.is_ascii_digit());
+    if !name.is_empty() && !name.split('/').all(|part| !part.is_empty() && is_name(part)) {
         let reason = format!("'{name}' is not a namespace; use letters, digits and '_', such as robot1");
         return Err(Error::param(parameter, reason));
     }
-    Ok(if name.is_empty() { topic.to_owned() } else { format!("/{name}{topic}") })
+    let below = topic.trim_start_matches('/');
+    Ok(if name.is_empty() { topic.to_owned() } else { format!("/{name}/{below}") })
 }
 
 fn unknown_node(name: &str) -> Error {
@@ -168,7 +189,8 @@ mod tests {
                 text,
                 "\n## {node}\n\n| parameter | default | allowed | meaning |\n|---|---|---|---|\n"
             );
-            for spec in parameters(node).expect("a node") {
+            let on_ros2 = parameters_on(node, Wires::Ros2).expect("a node");
+            for (spec, on_ros2) in parameters(node).expect("a node").into_iter().zip(on_ros2) {
                 let allowed = match (&spec.allowed, &spec.default) {
                     (Allowed::Range(low, high), _) => format!("{low} to {high}"),
                     (Allowed::OneOf(words), _) => words.join(", "),
@@ -178,10 +200,14 @@ mod tests {
                     (Allowed::Any, Value::Str(_)) => "text".into(),
                     (Allowed::Any, Value::List(_)) => "list".into(),
                 };
-                let default = match spec.default.to_string() {
+                let spelled = |default: &Value| match default.to_string() {
                     empty if empty.is_empty() => "(empty)".to_owned(),
                     default => format!("`{default}`"),
                 };
+                let mut default = spelled(&spec.default);
+                if on_ros2.default != spec.default {
+                    let _ = write!(default, "; ROS 2: {}", spelled(&on_ros2.default));
+                }
                 let mark = if spec.live { " *" } else { "" };
                 let _ = writeln!(
                     text,

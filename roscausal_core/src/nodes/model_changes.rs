@@ -12,7 +12,7 @@ use super::{
 use crate::{Error, Result, batch::pool::write_whole};
 
 /// Topic of the changes: the last 64, latched.
-pub const CHANGES_TOPIC: &str = "/roscausal/model_changes";
+pub const CHANGES_TOPIC: &str = "roscausal/model_changes";
 
 /// What is published of a regime.
 pub(super) fn model_changes(regime: &Regime, header: Header) -> ModelChanges {
@@ -20,9 +20,10 @@ pub(super) fn model_changes(regime: &Regime, header: Header) -> ModelChanges {
     ModelChanges { header, regime_since, batches, changes: regime.events.iter().map(model_change).collect() }
 }
 
-fn model_change(told: &RecordedChange) -> ModelChange {
-    let event = &told.event;
-    let stamp = |end: usize| told.changed_from_to.map_or(Time::ZERO, |ends| Time::from_secs_f64(ends[end]));
+fn model_change(reported: &RecordedChange) -> ModelChange {
+    let event = &reported.event;
+    let stamp =
+        |end: usize| reported.changed_from_to.map_or(Time::ZERO, |ends| Time::from_secs_f64(ends[end]));
     ModelChange {
         id: event.id.clone(),
         status: match event.status {
@@ -37,10 +38,10 @@ fn model_change(told: &RecordedChange) -> ModelChange {
         before: event.before,
         after: event.after,
         p_value: event.p_value,
-        told: Time::from_secs_f64(told.told),
+        told: Time::from_secs_f64(reported.told),
         changed_from: stamp(0),
         changed_to: stamp(1),
-        batch_id: told.batch.clone(),
+        batch_id: reported.batch.clone(),
         description: event.sentence(),
     }
 }
@@ -48,9 +49,9 @@ fn model_change(told: &RecordedChange) -> ModelChange {
 /// Writes a file for each event, named by its number; one that is there is left alone.
 pub(super) fn write_events(dir: &Path, regime: &Regime) -> Result<()> {
     let dir = dir.join(CHANGES_FOLDER);
-    for told in &regime.events {
-        let path = dir.join(format!("{:06}.json", told.number));
-        let text = serde_json::to_string_pretty(told).map_err(|e| Error::Data(e.to_string()))? + "\n";
+    for reported in &regime.events {
+        let path = dir.join(format!("{:06}.json", reported.number));
+        let text = serde_json::to_string_pretty(reported).map_err(|e| Error::Data(e.to_string()))? + "\n";
         if fs::read(&path).is_ok_and(|there| there == text.as_bytes()) {
             continue;
         }

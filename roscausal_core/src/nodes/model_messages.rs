@@ -66,7 +66,7 @@ pub fn causal_model_info(
     CausalModelInfo {
         header: header.clone(),
         batch_id: origin.batch_id.clone(),
-        method: model.method.clone(),
+        method: model.method.to_string(),
         cond_ind_test: model.cond_ind_test.clone(),
         fdr_method: model.fdr.clone(),
         alpha: model.alpha,
@@ -95,7 +95,7 @@ pub fn model_of(info: &CausalModelInfo) -> Model {
     features.extend(linked.filter(|name| known.insert(name)).cloned());
     let largest = info.links.iter().map(|link| link.lag).fold(info.max_lag, u32::max) as usize;
     Model {
-        method: info.method.clone(),
+        method: info.method.as_str().into(),
         cond_ind_test: info.cond_ind_test.clone(),
         alpha: info.alpha,
         // The message has 0 for a level that a score chose, and for a step that is not known.
@@ -119,7 +119,7 @@ fn link_of(link: &CausalLink) -> Link {
         lag: link.lag as usize,
         value: tested.then_some(link.value),
         p_value: tested.then_some(link.p_value),
-        mark: mark_of(link).to_owned(),
+        mark: mark_of(link),
         confidence: Some(link.confidence).filter(|share| *share >= 0.0),
         required: !tested,
         ..Link::default()
@@ -145,14 +145,14 @@ pub fn images(svg: &str, scale: f32, header: &Header) -> Result<(Image, Compress
 }
 
 fn causal_link(model: &Model, link: &Link) -> CausalLink {
-    let what = match link.mark.as_str() {
-        "-->" | "o-o" => short(link),
+    let what = match link.mark {
+        LinkMark::Forward | LinkMark::Unoriented => short(link),
         _ => format!("{} (lag {})", link.sentence(), link.lag),
     };
     let found = link.confidence.map_or(String::new(), |share| {
         let done = model.confidence.as_ref().map_or(100, |confidence| confidence.resampling.done);
-        let word = link.word().unwrap_or_default();
-        format!(", {word}: in {:.0} of {done} resamples", share * done as f64)
+        let word = link.word().map_or(String::new(), |word| word + ": ");
+        format!(", {word}in {:.0} of {done} resamples", share * done as f64)
     });
     let since = link.since.map_or(String::new(), |since| format!(", in each since {since:.1} s"));
     let age = link.seen.map_or(String::new(), |seen| format!("; in {seen} of the last 8 models{since}"));
@@ -168,7 +168,7 @@ fn causal_link(model: &Model, link: &Link) -> CausalLink {
         p_value: link.p_value.unwrap_or(f64::NAN),
         confidence: link.confidence.unwrap_or(-1.0),
         description: format!("{what}: {strength}{found}{age}"),
-        mark: link.mark.clone(),
+        mark: link.mark.to_string(),
         tested: link.value.is_some(),
         samples: link.n_used.map_or(0, |used| used as u32),
         chance: link.chance.unwrap_or(f64::NAN),
@@ -177,15 +177,15 @@ fn causal_link(model: &Model, link: &Link) -> CausalLink {
 
 /// The mark of a link of a message, such as `<->`. A link without one is a cause: whoever writes such a message knows no others. A mark
 /// that is not known claims nothing of a direction.
-pub fn mark_of(link: &CausalLink) -> &'static str {
+pub fn mark_of(link: &CausalLink) -> LinkMark {
     match link.mark.as_str() {
-        "" => "-->",
-        given => LinkMark::ALL.iter().map(|mark| mark.symbol()).find(|mark| *mark == given).unwrap_or("o-o"),
+        "" => LinkMark::Forward,
+        given => given.parse().unwrap_or(LinkMark::Unoriented),
     }
 }
 
 fn short(link: &Link) -> String {
-    let arrow = if link.mark == "-->" { "->" } else { "--" };
+    let arrow = if link.mark == LinkMark::Forward { "->" } else { "--" };
     format!("{} {arrow} {} (lag {})", link.cause, link.effect, link.lag)
 }
 
@@ -203,8 +203,8 @@ mod tests {
     /// Three variables and six links, all at lag 1.
     fn example() -> Model {
         let links = [(0, 0), (1, 1), (0, 1), (1, 0), (2, 0), (0, 2)];
-        let mark = |i, j| if links.contains(&(i, j)) { "-->".to_owned() } else { String::new() };
-        let graph = (0..3).map(|i| (0..3).map(|j| vec![String::new(), mark(i, j)]).collect()).collect();
+        let mark = |i, j| if links.contains(&(i, j)) { LinkMark::Forward } else { LinkMark::Absent };
+        let graph = (0..3).map(|i| (0..3).map(|j| vec![LinkMark::Absent, mark(i, j)]).collect()).collect();
         let numbers = |v: f64| vec![vec![vec![0.0, v]; 3]; 3];
         let names = ["h_v", "h_dg", "h_risk"].map(str::to_owned).to_vec();
         let matrices =
@@ -235,25 +235,25 @@ mod tests {
         model.links[0].confidence = Some(0.41);
         let (share, words) = confidence(&model);
         assert_eq!(share, 0.41);
-        assert!(words.ends_with("unsure: in 41 of 100 resamples"), "{words}");
+        assert!(words.ends_with(", in 41 of 100 resamples"), "{words}");
     }
 
     #[test]
     fn a_message_has_the_mark_of_each_link_and_whether_it_was_tested() {
         let mut model = example();
         for (link, mark) in model.links.iter_mut().zip(["-->", "<->", "o->", "o-o", "x->", "x-x"]) {
-            link.mark = mark.to_owned();
+            link.mark = mark.parse().unwrap();
         }
         (model.links[0].value, model.links[0].p_value, model.links[0].required) = (None, None, true);
         let info = causal_model_info(&model, &Header::default(), &Origin::default(), None);
-        let read: Vec<&str> = info.links.iter().map(mark_of).collect();
-        let written: Vec<&str> = model.links.iter().map(|link| link.mark.as_str()).collect();
+        let read: Vec<LinkMark> = info.links.iter().map(mark_of).collect();
+        let written: Vec<LinkMark> = model.links.iter().map(|link| link.mark).collect();
         assert_eq!(read, written);
         let first = &info.links[0];
         assert!(!first.tested && first.value.is_nan() && first.description.ends_with(": required"));
         assert!(info.links[1].tested && info.links[1].chance.is_nan());
         let of = |mark: &str| mark_of(&CausalLink { mark: mark.into(), ..CausalLink::default() });
-        assert_eq!([of(""), of("=>")], ["-->", "o-o"]);
+        assert_eq!([of(""), of("=>")], [LinkMark::Forward, LinkMark::Unoriented]);
     }
 
     #[test]

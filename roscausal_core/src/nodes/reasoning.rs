@@ -46,15 +46,15 @@ use crate::{
 };
 
 /// Topic of what will happen if nobody intervenes.
-pub const PREDICTION_TOPIC: &str = "/roscausal/prediction";
+pub const PREDICTION_TOPIC: &str = "roscausal/prediction";
 /// Topic of the equations, as JSON.
-pub const STRUCTURAL_MODEL_TOPIC: &str = "/roscausal/structural_model";
+pub const STRUCTURAL_MODEL_TOPIC: &str = "roscausal/structural_model";
 /// Names of the services.
-pub const WHAT_IF_SERVICE: &str = "/roscausal/what_if";
+pub const WHAT_IF_SERVICE: &str = "roscausal/what_if";
 /// Why did a variable change?
-pub const EXPLAIN_SERVICE: &str = "/roscausal/explain";
+pub const EXPLAIN_SERVICE: &str = "roscausal/explain";
 /// How strongly does one variable drive another?
-pub const EFFECT_SERVICE: &str = "/roscausal/effect";
+pub const EFFECT_SERVICE: &str = "roscausal/effect";
 
 /// Messages and questions that may wait.
 const INBOX: usize = 20_000;
@@ -134,9 +134,9 @@ fn with_inbox<M: Middleware>(mw: &M, inbox: Inbox<Event>, in_line: bool) -> Resu
     let mut health = Health::new(mw)?;
     let mut node = Node::new(mw, params, inbox.sender(), in_line)?;
     let features_input = health.input::<Features>(FEATURES_TOPIC, true);
-    let model_input = health.input::<CausalModelInfo>("/roscausal/causal_model_info", false);
+    let model_input = health.input::<CausalModelInfo>("roscausal/causal_model_info", false);
     let to = || inbox.sender();
-    let (rows, models, asked, why, strength) = (to(), to(), to(), to(), to());
+    let (asked, why, strength) = (to(), to(), to());
     let _what_if =
         mw.serve::<WhatIf>(WHAT_IF_SERVICE, move |q, reply| asked.send(Event::WhatIf(q, reply)))?;
     let _explain =
@@ -145,13 +145,9 @@ fn with_inbox<M: Middleware>(mw: &M, inbox: Inbox<Event>, in_line: bool) -> Resu
         mw.serve::<Effect>(EFFECT_SERVICE, move |q, reply| strength.send(Event::Effect(q, reply)))?;
     let _models = match node.wanted {
         Some(_) => None,
-        None => {
-            let take = move |info| models.send(Event::Model(info));
-            Some(mw.subscribe("/roscausal/causal_model_info", Qos::Latched, take)?)
-        }
+        None => Some(inbox.subscribe(mw, "roscausal/causal_model_info", Qos::Latched, Event::Model)?),
     };
-    let _rows =
-        mw.subscribe(FEATURES_TOPIC, Qos::Volatile(10), move |row| rows.send(Event::Features(row)))?;
+    let _rows = inbox.subscribe(mw, FEATURES_TOPIC, Qos::Volatile(10), Event::Features)?;
     loop {
         match inbox.next(mw, Some(health.due().min(node.next_fit))) {
             Next::Shutdown => return Ok(()),
@@ -456,6 +452,15 @@ impl<M: Middleware> Node<M> {
             ..WhatIfResponse::default()
         };
         let (horizon, paths, seed) = (self.params.horizon, self.params.paths, self.params.settings.seed);
+        if request.patience.is_nan() || request.patience < 0.0 {
+            let reason = format!("patience is {}; give seconds, 0: any time", request.patience);
+            return reply.send(refuse(Status::BadRequest, reason));
+        }
+        // On a lockstep bus an answer takes no time.
+        let patience = Some(request.patience).filter(|patience| *patience > 0.0 && !self.in_line);
+        let until = patience.map(|patience| self.mw.steady().as_secs_f64() + patience);
+        let clock = self.mw.clone();
+        let late = move || until.is_some_and(|until| clock.steady().as_secs_f64() > until);
         let mut question = match what_if(request, horizon, paths, seed) {
             Ok(question) => question,
             Err(reason) => return reply.send(refuse(Status::BadRequest, reason)),
@@ -468,7 +473,7 @@ impl<M: Middleware> Node<M> {
         let caveats = self.caveats();
         self.answer(reply, refuse, move || {
             let situation = Situation { rows: moment.rows.view(), now: moment.now };
-            let answer = answer::what_if(&model, &situation, &question);
+            let answer = answer::what_if_until(&model, &situation, &question, &late);
             what_if_response(answer, moment.stamp(moment.now), caveats)
         });
     }
@@ -495,10 +500,9 @@ impl<M: Middleware> Node<M> {
             (true, _) => (None, None),
             (false, Some(first)) => (Some(first), Some(moment.now)),
             (false, None) => {
+                let (from, to) = (from.as_secs_f64(), to.as_secs_f64());
                 let reason = format!(
-                    "there are no rows without a gap from {:.3} s to {:.3} s; ask for a later change",
-                    from.as_secs_f64(),
-                    to.as_secs_f64()
+                    "there are no rows without a gap from {from:.3} s to {to:.3} s; ask for a later change"
                 );
                 return reply.send(refuse(Status::NoData, reason));
             }

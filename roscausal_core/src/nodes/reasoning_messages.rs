@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use roscausal_discovery::{
-    Error, Link,
+    Error, Link, LinkMark,
     text::{check_step, is_share, quoted},
 };
 use roscausal_msgs::{
@@ -33,7 +33,8 @@ pub(super) fn graph_of(info: &CausalModelInfo, context: &[String]) -> Result<(Gr
     model.links.retain(|link| !is_context(&link.cause) && !is_context(&link.effect));
     let linked: HashSet<&String> = model.links.iter().flat_map(|link| [&link.cause, &link.effect]).collect();
     model.dropped = model.features.iter().filter(|name| !linked.contains(name)).cloned().collect();
-    let is_of_now = |link: &&Link| link.lag == 0 && link.mark == "-->" && link.cause != link.effect;
+    let is_of_now =
+        |link: &&Link| link.lag == 0 && link.mark == LinkMark::Forward && link.cause != link.effect;
     let within_a_moment: HashSet<(String, String)> =
         model.links.iter().filter(is_of_now).map(|link| (link.cause.clone(), link.effect.clone())).collect();
     for link in &mut model.links {
@@ -43,7 +44,7 @@ pub(super) fn graph_of(info: &CausalModelInfo, context: &[String]) -> Result<(Gr
             return Err(Error::Data(reason));
         }
         if link.lag == 0 && within_a_moment.contains(&(link.effect.clone(), link.cause.clone())) {
-            link.mark = "x-x".to_owned();
+            link.mark = LinkMark::Conflict;
         }
     }
     Ok((Graph::of_model(&model, &[])?, Facts::of_model(&model)))
@@ -242,16 +243,16 @@ mod tests {
             if !possible || mark == LinkMark::Backward {
                 continue;
             }
-            let link = |cause: &str, effect: &str, lag, mark: &str| Link {
+            let link = |cause: &str, effect: &str, lag, mark| Link {
                 cause: cause.into(),
                 effect: effect.into(),
                 lag,
                 value: Some(0.5),
                 p_value: Some(0.01),
-                mark: mark.into(),
+                mark,
                 ..Link::default()
             };
-            let links = vec![link("a", "b", 1, "-->"), link("b", "c", lag, mark.symbol())];
+            let links = vec![link("a", "b", 1, LinkMark::Forward), link("b", "c", lag, mark)];
             let model =
                 Model { features: names.clone(), tau_max: 1, links, ..Settings::default().blank_model() };
             let origin = Origin { candidate_features: names.clone(), ..Origin::default() };
@@ -301,9 +302,9 @@ mod tests {
             ("p-value", |info| info.links[0].p_value = f64::NAN),
             ("p-value", |info| info.links[0].p_value = 2.0),
         ];
-        for (told, change) in cases {
+        for (reported, change) in cases {
             let error = refused(change);
-            assert!(error.contains(told), "{told}: {error}");
+            assert!(error.contains(reported), "{reported}: {error}");
         }
     }
 

@@ -23,7 +23,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
     let acts_on =
         ["do_robot_speed=r_v", "do_robot_off=r_v", "do_human_v=h_v", "do_human_stop=h_v"].map(text).to_vec();
     param_specs! {
-        "equations" = text("auto"), OneOf(&["auto", "linear", "gp"]),
+        "equations" = text("auto"), OneOf(Equations::NAMES),
             "equations of the model; auto: a Gaussian process where it predicts better than a line";
         "horizon" = Int(10), Range(1.0, 1000.0), "steps ahead, where a question does not say";
         "paths" = Int(400), Range(20.0, 100_000.0), "simulated paths of an answer";
@@ -69,13 +69,8 @@ pub(super) struct ReasoningParams {
 impl ReasoningParams {
     /// Checks the parameters and reads the graph, if one is given.
     pub(super) fn new(params: &Params) -> Result<Self> {
-        let equations = match params.text("equations").as_str() {
-            "linear" => Equations::Linear,
-            "gp" => Equations::Gp,
-            _ => Equations::Auto,
-        };
         let settings = Settings {
-            equations,
+            equations: params.text("equations").parse()?,
             seed: params.int("seed").unsigned_abs(),
             interval: params.double("interval"),
             ..Settings::default()

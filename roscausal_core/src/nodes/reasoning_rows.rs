@@ -25,6 +25,7 @@ struct Row {
 }
 
 /// A ring of rows.
+#[derive(Default)]
 pub(super) struct Rows {
     columns: Vec<String>,
     rows: VecDeque<Row>,
@@ -54,15 +55,7 @@ impl Moment {
 impl Rows {
     /// No rows yet; at most `most` will be kept. With several people, `person`'s variables count.
     pub(super) fn new(most: usize, person: &str) -> Self {
-        Self {
-            columns: Vec::new(),
-            rows: VecDeque::new(),
-            most,
-            person: person.trim().to_owned(),
-            segment: 0,
-            step_ns: None,
-            other_step_ns: 0,
-        }
+        Self { most, person: person.trim().to_owned(), ..Self::default() }
     }
 
     /// Number of rows.
@@ -79,10 +72,8 @@ impl Rows {
     pub(super) fn add_file(&mut self, path: &Path) -> Result<()> {
         let table = Table::read(path, None)?;
         let Some(times) = &table.time else {
-            return Err(Error::file(
-                path,
-                "it has no column of times, which a batch has; leave it out of 'data'",
-            ));
+            let reason = "it has no column of times, which a batch has; leave it out of 'data'";
+            return Err(Error::file(path, reason));
         };
         self.segment += 1;
         for (t, row) in times.iter().zip(table.values.outer_iter()) {
@@ -99,11 +90,8 @@ impl Rows {
     /// A message that is none, in words.
     pub(super) fn add(&mut self, features: &Features) -> std::result::Result<bool, String> {
         if features.names.len() != features.values.len() {
-            return Err(format!(
-                "a message with {} names and {} values is left out",
-                features.names.len(),
-                features.values.len()
-            ));
+            let (names, values) = (features.names.len(), features.values.len());
+            return Err(format!("a message with {names} names and {values} values is left out"));
         }
         self.push(features.header.stamp, &features.names, &features.values)
     }

@@ -119,11 +119,10 @@ impl Score {
     /// The score in a sentence, for answers.
     pub(super) fn sentence(&self) -> Option<String> {
         (self.rows() > 0).then(|| {
+            let (rows, percent, skill) = (self.rows(), 100.0 * self.coverage(), self.skill());
             format!(
-                "live score of the last {} steps: {:.0} % of what happened lay in its interval, skill over the last value {:.2}",
-                self.rows(),
-                100.0 * self.coverage(),
-                self.skill()
+                "live score of the last {rows} steps: {percent:.0} % of what happened lay in its interval, skill over the \
+                 last value {skill:.2}"
             )
         })
     }

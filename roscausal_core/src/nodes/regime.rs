@@ -201,15 +201,21 @@ impl Regime {
             let (Some(levels), [_]) = (params.changes, part.data.recordings()) else { continue };
             let key = key(&part);
             let mut whose = self.whose.remove(&key).unwrap_or_default();
-            let told =
+            let reported =
                 whose.read(self.n_changes, new, &part, &announced, (start, dt), levels, params, control);
             self.whose.insert(key, whose);
-            let (told, n_changes) = told?;
+            let (reported, n_changes) = reported?;
             self.n_changes = n_changes;
-            for (event, told, changed) in told {
+            for (event, reported, changed) in reported {
                 self.n_events += 1;
                 let (number, batch) = (self.n_events, stem(new.name));
-                self.events.push(RecordedChange { number, event, batch, told, changed_from_to: changed });
+                self.events.push(RecordedChange {
+                    number,
+                    event,
+                    batch,
+                    told: reported,
+                    changed_from_to: changed,
+                });
             }
         }
         let surplus = self.events.len().saturating_sub(EVENTS);
@@ -297,12 +303,12 @@ impl Regime {
 
     /// How many of the last events have this status.
     pub(super) fn count(&self, status: Status) -> usize {
-        self.events.iter().filter(|told| told.event.status == status).count()
+        self.events.iter().filter(|reported| reported.event.status == status).count()
     }
 
     /// The last event, if it is a suspicion: what the next rows decide.
     pub(super) fn suspicion(&self) -> Option<String> {
-        let last = self.events.last().filter(|told| told.event.status == Status::Suspected)?;
+        let last = self.events.last().filter(|reported| reported.event.status == Status::Suspected)?;
         Some(last.event.sentence())
     }
 
@@ -368,7 +374,7 @@ impl Whose {
             );
         }
         let before = detector.regime();
-        let events = detector.read_in_parts(values.view(), size, control)?;
+        let events = detector.read_in_parts(values.view(), &[], size, control)?;
         self.stretches.push(Stretch { batch: new.name.to_owned(), first, rows, start, dt });
         let surplus = self.stretches.len().saturating_sub(STRETCHES);
         self.stretches.drain(..surplus);
@@ -380,13 +386,13 @@ impl Whose {
         let stamp = |row: usize| self.stamp(row);
         let timed = |event: ChangeEvent| {
             let changed = event.changed_between.map(|[from, to]| [stamp(from), stamp(to)]);
-            let told = stamp(event.time.saturating_sub(1));
-            (event, told, changed)
+            let reported = stamp(event.time.saturating_sub(1));
+            (event, reported, changed)
         };
-        let told = events.into_iter().map(timed).collect();
-        let n_changes = detector.told();
+        let reported = events.into_iter().map(timed).collect();
+        let n_changes = detector.reported();
         self.detector = Some(detector);
-        Ok((told, n_changes))
+        Ok((reported, n_changes))
     }
 
     /// A regime begins at a row.

@@ -1,7 +1,7 @@
 //! The robot node: from odometry, pose, goal and TF to `/roscausal/robot`.
 
 use roscausal_msgs::{
-    RobotState,
+    RobotState, Wires,
     geometry_msgs::{Point, Pose, PoseStamped, PoseWithCovarianceStamped, TwistStamped},
     move_base_msgs::MoveBaseActionGoal,
     nav_msgs::{Odometry, Path},
@@ -26,8 +26,29 @@ enum Event {
     Tf(TFMessage, bool),
 }
 
-/// Names, defaults, allowed values and descriptions of the robot node's parameters.
-pub(super) fn specs() -> Vec<ParamSpec> {
+/// Where the usual robot of ROS 2, with Nav2, differs from ROS-Causal's, whose defaults hold elsewhere. Its pose is its place in TF:
+/// `/amcl_pose` comes only now and then. Its goal is the end of the plan: goals of the action NavigateToPose are on no topic.
+const NAV2: [(&str, &str); 5] = [
+    ("odom_topic", "/odom"),
+    ("pose_topic", ""),
+    ("source_frame", "base_link"),
+    ("goal_topic", "/plan"),
+    ("goal_type", "Path"),
+];
+
+/// Names, defaults, allowed values and descriptions of the robot node's parameters, on a middleware of these wires.
+pub(super) fn specs(wires: Wires) -> Vec<ParamSpec> {
+    let usual = |mut spec: ParamSpec| {
+        let of_ros2 = NAV2.iter().find(|(name, _)| wires == Wires::Ros2 && *name == spec.name);
+        if let Some((_, value)) = of_ros2 {
+            spec.default = Value::Str((*value).to_owned());
+        }
+        spec
+    };
+    of_ros_causal().into_iter().map(usual).collect()
+}
+
+fn of_ros_causal() -> Vec<ParamSpec> {
     use Allowed::{Any, OneOf, Range};
     let text = |text: &str| Value::Str(text.to_owned());
     param_specs! {
@@ -63,39 +84,33 @@ pub fn robot<M: Middleware>(mw: &M) -> Result<()> {
 
 /// The robot node as a task.
 pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
-    let params = Params::read(mw, &specs())?;
+    let params = Params::read(mw, &specs(mw.wires()))?;
     let mut health = Health::new(mw)?;
     let inbox = Inbox::new(mw, 1000);
     let robot = params.text("robot");
-    let state_topic = in_namespace("robot", &robot, "/roscausal/robot")?;
+    let state_topic = in_namespace("robot", &robot, "roscausal/robot")?;
     let publisher = mw.advertise::<RobotState>(&state_topic, Qos::Volatile(100))?;
 
     let qos = Qos::Volatile(100);
     let _odometry = match params.text_if_set("odom_topic") {
         Some(topic) => {
             let topic = in_namespace("robot", &robot, &topic)?;
-            let send = inbox.sender();
             Some(if params.text("odom_type") == "TwistStamped" {
                 let input = health.input::<TwistStamped>(&topic, true);
-                let take = move |m: TwistStamped| send.send(Event::Odometry(input, Box::new(of_twist(m))));
-                mw.subscribe(&topic, qos, take)?
+                let odometry = move |m| Event::Odometry(input, Box::new(of_twist(m)));
+                inbox.subscribe(mw, &topic, qos, odometry)?
             } else {
                 let input = health.input::<Odometry>(&topic, true);
-                let take = move |m: Odometry| send.send(Event::Odometry(input, Box::new(m)));
-                mw.subscribe(&topic, qos, take)?
+                inbox.subscribe(mw, &topic, qos, move |m| Event::Odometry(input, Box::new(m)))?
             })
         }
         None => None,
     };
     let _pose = subscribe_pose(mw, &params, &inbox, &mut health)?;
     let _goal = subscribe_goal(mw, &params, &inbox)?;
-    let send = inbox.sender();
     let tf = params.text_if_set("tf_topic").unwrap_or_else(|| "/tf".to_owned());
-    let _tf = mw.subscribe(&tf, qos, move |m: TFMessage| send.send(Event::Tf(m, false)))?;
-    let send = inbox.sender();
-    let _tf_static = mw.subscribe(&format!("{tf}_static"), Qos::Latched, move |m: TFMessage| {
-        send.send(Event::Tf(m, true))
-    })?;
+    let _tf = inbox.subscribe(mw, &tf, qos, |m| Event::Tf(m, false))?;
+    let _tf_static = inbox.subscribe(mw, &format!("{tf}_static"), Qos::Latched, |m| Event::Tf(m, true))?;
 
     let mut tracker =
         RobotTracker::new(&params.text("target_frame"), params.count("queue_size"), params.double("slop"));
@@ -158,18 +173,17 @@ fn subscribe_pose<M: Middleware>(
 ) -> Result<Option<M::Subscription>> {
     let Some(topic) = params.text_if_set("pose_topic") else { return Ok(None) };
     let topic = in_namespace("robot", &params.text("robot"), &topic)?;
-    let (qos, send) = (Qos::Volatile(100), inbox.sender());
+    let qos = Qos::Volatile(100);
     let subscription = if params.text("pose_type") == "Odometry" {
         let input = health.input::<Odometry>(&topic, true);
-        mw.subscribe(&topic, qos, move |m: Odometry| send.send(Event::Pose(input, m.header, m.pose.pose)))
+        inbox.subscribe(mw, &topic, qos, move |m: Odometry| Event::Pose(input, m.header, m.pose.pose))
     } else if params.text("pose_type") == "PoseStamped" {
         let input = health.input::<PoseStamped>(&topic, true);
-        mw.subscribe(&topic, qos, move |m: PoseStamped| send.send(Event::Pose(input, m.header, m.pose)))
+        inbox.subscribe(mw, &topic, qos, move |m: PoseStamped| Event::Pose(input, m.header, m.pose))
     } else {
         let input = health.input::<PoseWithCovarianceStamped>(&topic, true);
-        mw.subscribe(&topic, qos, move |m: PoseWithCovarianceStamped| {
-            send.send(Event::Pose(input, m.header, m.pose.pose));
-        })
+        let pose = move |m: PoseWithCovarianceStamped| Event::Pose(input, m.header, m.pose.pose);
+        inbox.subscribe(mw, &topic, qos, pose)
     };
     subscription.map(Some)
 }
@@ -181,22 +195,21 @@ fn subscribe_goal<M: Middleware>(
 ) -> Result<Option<M::Subscription>> {
     let Some(topic) = params.text_if_set("goal_topic") else { return Ok(None) };
     let topic = in_namespace("robot", &params.text("robot"), &topic)?;
-    let send = inbox.sender();
+    let qos = Qos::Volatile(10);
     let subscription = if params.text("goal_type") == "PoseStamped" {
-        mw.subscribe(&topic, Qos::Volatile(10), move |m: PoseStamped| {
-            send.send(Event::Goal(m.header, m.pose.position))
-        })
+        inbox.subscribe(mw, &topic, qos, |m: PoseStamped| Event::Goal(m.header, m.pose.position))
     } else if params.text("goal_type") == "Path" {
-        mw.subscribe(&topic, Qos::Volatile(10), move |m: Path| {
+        let send = inbox.sender();
+        mw.subscribe(&topic, qos, move |m: Path| {
             // The poses of a plan may have headers of their own; those of Nav2 and move_base are in the plan's frame.
             if let Some(end) = m.poses.last() {
                 send.send(Event::Goal(m.header, end.pose.position));
             }
         })
     } else {
-        mw.subscribe(&topic, Qos::Volatile(10), move |m: MoveBaseActionGoal| {
+        inbox.subscribe(mw, &topic, qos, |m: MoveBaseActionGoal| {
             let target = m.goal.target_pose;
-            send.send(Event::Goal(target.header, target.pose.position));
+            Event::Goal(target.header, target.pose.position)
         })
     };
     subscription.map(Some)

@@ -22,22 +22,18 @@ pub(super) fn risk_specs() -> Vec<ParamSpec> {
     }
 }
 
-/// Whose goal and risk a view of the scene shows.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SceneOptions {
-    /// Name of the robot, the namespace of its topics; empty: none.
-    pub robot: String,
-    /// The person; the first of several.
-    pub agents: Select,
-    /// Radius that is added around the robot, metres.
-    pub obs_size: f64,
-    /// Distance beyond which nobody is on collision course, metres.
-    pub safe_dist: f64,
-}
-
-impl Default for SceneOptions {
-    fn default() -> Self {
-        Self { robot: String::new(), agents: Select::Ids([1000].into()), obs_size: 2.0, safe_dist: 5.0 }
+roscausal_discovery::with_defaults! {
+    /// Whose goal and risk a view of the scene shows.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct SceneOptions {
+        /// Name of the robot, the namespace of its topics; empty: none.
+        pub robot: String = String::new(),
+        /// The person; the first of several.
+        pub agents: Select = Select::Ids([1000].into()),
+        /// Radius that is added around the robot, metres.
+        pub obs_size: f64 = 2.0,
+        /// Distance beyond which nobody is on collision course, metres.
+        pub safe_dist: f64 = 5.0,
     }
 }
 
@@ -59,7 +55,7 @@ impl SceneOptions {
     /// # Errors
     /// A name that is not a namespace, as an error of the parameter `robot`.
     pub fn robot_topic(&self) -> Result<String> {
-        in_namespace("robot", &self.robot, "/roscausal/robot")
+        in_namespace("robot", &self.robot, "roscausal/robot")
     }
 
     /// Reads the options from the parameters of [`SceneOptions::specs`].

@@ -7,7 +7,7 @@
 pub(super) struct Layout {
     /// `package/Name`; all of one form.
     pub(super) types: &'static [&'static str],
-    /// The array of people; empty: the message is one person, and its topic tells who she is.
+    /// The array of people; empty: the message is one person, and its topic tells who it is.
     pub(super) people: &'static [&'static str],
     /// Number, text or bytes that tell one person from another.
     pub(super) id: &'static [&'static str],
@@ -15,7 +15,7 @@ pub(super) struct Layout {
     pub(super) place: &'static [&'static str],
     /// Velocity, in the frame of the message.
     pub(super) velocity: &'static [&'static str],
-    /// Where she walks to: pose or position.
+    /// Where the person walks to: pose or position.
     pub(super) goal: &'static [&'static str],
     /// Frame and stamp of this person, before those of the message.
     pub(super) header: &'static [&'static str],
@@ -229,12 +229,7 @@ mod tests {
         for layout in LAYOUTS {
             assert!(layout.types.iter().all(|name| seen.insert(name)), "{:?}", layout.types);
             let all = [
-                layout.people,
-                layout.id,
-                layout.place,
-                layout.velocity,
-                layout.goal,
-                layout.header,
+                layout.people, layout.id, layout.place, layout.velocity, layout.goal, layout.header,
                 layout.class,
             ];
             for text in all.iter().flat_map(|paths| paths.iter()).filter(|text| !text.is_empty()) {

@@ -34,7 +34,7 @@ pub struct Seen {
 }
 
 /// Reads the messages of one topic.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Reader {
     topic: String,
     /// Words for people, in lower case.
@@ -85,12 +85,7 @@ impl Reader {
             topic: topic.to_owned(),
             classes: classes.iter().map(|word| word.trim().to_lowercase()).collect(),
             definitions,
-            kind: None,
-            bound: None,
-            trouble: None,
-            unreadable: 0,
-            taken: 0,
-            others: BTreeSet::new(),
+            ..Self::default()
         }
     }
 
@@ -172,12 +167,8 @@ impl Reader {
     pub fn trouble(&self) -> Option<String> {
         let only_others = || {
             let seen: Vec<&str> = self.others.iter().map(String::as_str).collect();
-            format!(
-                "{} has had nobody of the classes {} (people_classes), only: {}",
-                self.topic,
-                self.classes.join(", "),
-                seen.join(", ")
-            )
+            let (topic, classes, seen) = (&self.topic, self.classes.join(", "), seen.join(", "));
+            format!("{topic} has had nobody of the classes {classes} (people_classes), only: {seen}")
         };
         let nobody = self.taken == 0 && !self.others.is_empty();
         self.trouble.clone().or_else(|| nobody.then(only_others))
@@ -202,11 +193,8 @@ impl Bound {
     fn new(kind: &RawType, definitions: &Definitions) -> Result<Self, String> {
         let layout = layouts::row(&kind.type_name).ok_or_else(|| {
             let types: Vec<&str> = layouts::types().collect();
-            format!(
-                "{} is not a type that people are read from; those are {}",
-                kind.type_name,
-                types.join(", ")
-            )
+            let (name, types) = (&kind.type_name, types.join(", "));
+            format!("{name} is not a type that people are read from; those are {types}")
         })?;
         let schema = definitions.schema(kind)?;
         let array = match layout.people {

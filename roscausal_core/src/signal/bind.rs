@@ -151,9 +151,13 @@ impl Binder<'_> {
 
     fn of(&self, of: Of, path: &Path) -> Result<Part, String> {
         if of == Of::Count {
-            return self.schema.count(path).map(|query| Part::Of(of, query)).map_err(|e| self.told(path, &e));
+            return self
+                .schema
+                .count(path)
+                .map(|query| Part::Of(of, query))
+                .map_err(|e| self.reported(path, &e));
         }
-        let (kind, array) = self.schema.at(path).map_err(|error| self.told(path, &error))?;
+        let (kind, array) = self.schema.at(path).map_err(|error| self.reported(path, &error))?;
         let fields = |names: &[&str]| -> Option<Vec<Query>> {
             names
                 .iter()
@@ -177,7 +181,7 @@ impl Binder<'_> {
                     .ok_or_else(|| format!("{}.{path} is not a vector: it has no x and y", self.signal.topic))
             }
             _ => {
-                let query = self.schema.query(path).map_err(|error| self.told(path, &error))?;
+                let query = self.schema.query(path).map_err(|error| self.reported(path, &error))?;
                 if query.is_text() {
                     return Err(format!("{}.{path} is a text", self.signal.topic));
                 }
@@ -204,7 +208,7 @@ impl Binder<'_> {
             .ok_or_else(|| format!("{}.{path} is not an array of points or poses", self.signal.topic))
     }
 
-    fn told(&self, path: &Path, error: &QueryError) -> String {
+    fn reported(&self, path: &Path, error: &QueryError) -> String {
         match error {
             QueryError::NoField { .. } => self.fault(path),
             other => other.to_string(),

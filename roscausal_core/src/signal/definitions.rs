@@ -57,15 +57,15 @@ impl Definitions {
     /// A definition that is not to be had, or that cannot be used.
     pub fn schema(&self, kind: &RawType) -> Result<Schema, String> {
         let parse = |definition: &str| Schema::parse(&kind.type_name, definition);
-        let told = |error: SchemaError| format!("{}: {error}", kind.type_name);
+        let reported = |error: SchemaError| format!("{}: {error}", kind.type_name);
         let carried = (!kind.definition.trim().is_empty()).then(|| parse(&kind.definition));
         match carried {
             Some(Err(SchemaError::Idl)) | None => {}
-            Some(result) => return result.map_err(told),
+            Some(result) => return result.map_err(reported),
         }
         match (known(kind).or_else(|| self.search(&kind.type_name)), carried) {
-            (Some(found), _) => parse(&found).map_err(told),
-            (None, Some(Err(idl))) => Err(told(idl)),
+            (Some(found), _) => parse(&found).map_err(reported),
+            (None, Some(Err(idl))) => Err(reported(idl)),
             (None, _) => Err(format!(
                 "the definition of {} is not known: it comes with no message, and no folder of .msg files \
                  (msg_path, AMENT_PREFIX_PATH) has it",

@@ -426,14 +426,14 @@ mod tests {
             let sighting = walking(secs, x);
             tracker.message(sighting.header.stamp, vec![(Who::Number(1), sighting)]);
         }
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         while let Some(people) = tracker.next(first) {
             let person = &people.humans[0];
-            told.push((person.header.stamp, person.pose2d.x));
+            reported.push((person.header.stamp, person.pose2d.x));
         }
         let at = Time::from_secs_f64;
         let expected = [(1.0, 1.0), (1.04, 2.0), (1.04, 2.0), (1.02, 1.5), (1.06, 3.0)];
-        assert_eq!(told, expected.map(|(secs, x)| (at(secs), x)));
+        assert_eq!(reported, expected.map(|(secs, x)| (at(secs), x)));
         assert_eq!(tracker.repeated, 1);
         assert_eq!(tracker.people(first).humans[0].pose2d.x, 3.0);
     }

@@ -40,11 +40,17 @@ impl Names {
     }
 
     /// Which number stands for which name, where they are not the same: `1 = rkvea, 2 = pqwzt`.
-    pub fn told(&self) -> String {
-        let told = self.numbers.iter().filter(|(name, number)| number_in(name) != Some(**number));
-        let mut told: Vec<(u32, &str)> = told.map(|(name, number)| (*number, name.as_str())).collect();
-        told.sort_unstable();
-        told.iter().take(20).map(|(number, name)| format!("{number} = {name}")).collect::<Vec<_>>().join(", ")
+    pub fn reported(&self) -> String {
+        let reported = self.numbers.iter().filter(|(name, number)| number_in(name) != Some(**number));
+        let mut reported: Vec<(u32, &str)> =
+            reported.map(|(name, number)| (*number, name.as_str())).collect();
+        reported.sort_unstable();
+        reported
+            .iter()
+            .take(20)
+            .map(|(number, name)| format!("{number} = {name}"))
+            .collect::<Vec<_>>()
+            .join(", ")
     }
 }
 
@@ -57,9 +63,9 @@ fn number_in(name: &str) -> Option<u32> {
 /// What a tracker tells about the identity of a person.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Who {
-    /// Her number.
+    /// Their number.
     Number(u32),
-    /// Her name.
+    /// Their name.
     Name(String),
     /// Nothing.
     Unknown,
@@ -72,7 +78,7 @@ pub struct Gates {
     pub metres: f64,
     /// A track without identity ends after this many seconds.
     pub keep_s: f64,
-    /// A new number near somebody who was lost for at most this many seconds is hers; 0: never.
+    /// A new number near somebody who was lost for at most this many seconds is theirs; 0: never.
     pub rejoin_s: f64,
 }
 
@@ -83,7 +89,7 @@ pub struct Identities {
     pub names: Names,
     tracks: Tracks,
     lost: Lost,
-    /// Whether a new number near somebody who was lost becomes hers.
+    /// Whether a new number near somebody who was lost becomes theirs.
     rejoins: bool,
 }
 
@@ -154,7 +160,7 @@ impl Lost {
             let last = &self.last;
             self.person.retain(|_, person| last.contains_key(person));
         }
-        // A number that is known keeps its person, unless she is here already.
+        // A number that is known keeps its person, unless the person is here already.
         let mut here = BTreeSet::new();
         let mut people: Vec<Option<u32>> = numbers
             .iter()
@@ -295,7 +301,7 @@ mod tests {
         let numbers =
             ["person_12", "rkvea", "a3f19", "7", "b19", "person_1", "12", "rkvea"].map(|n| names.number(n));
         assert_eq!(numbers, [12, 1, 2, 7, 3, 4, 5, 1]);
-        assert_eq!(names.told(), "1 = rkvea, 2 = a3f19, 3 = b19, 4 = person_1, 5 = 12");
+        assert_eq!(names.reported(), "1 = rkvea, 2 = a3f19, 3 = b19, 4 = person_1, 5 = 12");
     }
 
     #[test]
@@ -304,7 +310,7 @@ mod tests {
         let secs = Time::from_secs_f64;
         assert_eq!(tracks.ids(secs(1.0), &[at(0.0, 0.0), at(3.0, 0.0)]), [0, 1]);
         assert_eq!(tracks.ids(secs(1.1), &[at(3.1, 0.0), at(0.1, 0.0)]), [1, 0]);
-        // One leaves; the other is still herself, and who comes is somebody new.
+        // One leaves; the other is still the same, and who comes is somebody new.
         assert_eq!(tracks.ids(secs(1.2), &[at(3.2, 0.0)]), [1]);
         assert_eq!(tracks.ids(secs(1.3), &[at(9.0, 0.0), at(3.3, 0.0)]), [2, 1]);
         assert_eq!(tracks.ids(secs(5.0), &[at(3.3, 0.0)]), [3], "a track that was lost for long has ended");
@@ -323,7 +329,7 @@ mod tests {
         assert_eq!(identities.ids(secs(1.0), &two), [4, 5]);
         assert_eq!(identities.ids(secs(1.1), &two[1..]), [5]);
         assert_eq!(identities.ids(secs(2.0), &later), [4, 5], "9 is where 4 was lost");
-        assert_eq!(identities.ids(secs(2.1), &later[..1]), [4], "and stays her");
+        assert_eq!(identities.ids(secs(2.1), &later[..1]), [4], "and stays the same");
         // The old number comes back beside the new one: somebody else.
         let both = [(Who::Number(9), at(1.0, 0.0)), (Who::Number(4), at(1.2, 0.0))];
         let ids = identities.ids(secs(2.2), &both);

@@ -104,11 +104,14 @@ fn at(speeds: &Speeds, dt_s: f64, t: f64) -> [f64; 2] {
     [0, 1].map(|who| speeds[before][who] + share * (next[who] - speeds[before][who]))
 }
 
-/// What is found in the exact speeds, and in those that the nodes record with the rules `linear`, `hold` and `auto`.
-pub(crate) fn run(tracker: &Tracker, rows: usize, seed: u64) -> [Found; 4] {
+/// What is found in the exact speeds, in those that the nodes record with the rules `linear`, `hold` and `auto`, and in the exact
+/// speeds of both at the moments at which the tracker saw the person: no rule knows more of them.
+pub(crate) fn run(tracker: &Tracker, rows: usize, seed: u64) -> [Found; 5] {
     let mut random = Random(mix(seed));
     let exact = truth(rows, &mut random);
-    let [linear, hold, auto] = record(tracker, &exact, &mut random).map(|recorded| {
+    let messages = messages(tracker, &exact, &mut random);
+    let seen = analysed(&when_seen(tracker, &exact, &messages), &exact);
+    let [linear, hold, auto] = record(tracker, &exact, messages).map(|recorded| {
         let begin = recorded.start.secs_since(Time::from_secs_f64(BEGIN_S));
         let first = (begin / tracker.dt_s).round() as usize;
         let person = &recorded.people[&(ID as u32)];
@@ -118,7 +121,22 @@ pub(crate) fn run(tracker: &Tracker, rows: usize, seed: u64) -> [Found; 4] {
             (0..rows).map(|row| [recorded.robot[row].get(Field::V), person[row].get(Field::V)]).collect();
         analysed(&found, &exact[first..first + rows])
     });
-    [analysed(&exact, &exact), linear, hold, auto]
+    [analysed(&exact, &exact), linear, hold, auto, seen]
+}
+
+/// Row by row the speeds of both when the tracker saw the person nearest to it; NaN where it did not within half a step.
+fn when_seen(tracker: &Tracker, exact: &Speeds, messages: &[Message]) -> Speeds {
+    let mut rows = vec![[f64::NAN; 2]; exact.len()];
+    let mut off = vec![0.5; exact.len()];
+    for seen in messages.iter().filter_map(|message| message.1) {
+        let place = seen / tracker.dt_s;
+        let row = place.round() as usize;
+        if row < rows.len() && (place - row as f64).abs() <= off[row] {
+            off[row] = (place - row as f64).abs();
+            rows[row] = at(exact, tracker.dt_s, seen);
+        }
+    }
+    rows
 }
 
 fn analysed(speeds: &[[f64; 2]], exact: &[[f64; 2]]) -> Found {
@@ -174,11 +192,13 @@ async fn listen(mw: &LoopbackNode, mut recorders: [Recorder; 3]) -> Result<[Reco
     }
 }
 
-/// What comes, by when: a sighting of the person, or (`None`) the robot's messages.
-fn messages(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> Vec<(f64, Option<f64>)> {
+/// What comes, by its stamp: a sighting of the person with its true moment, or (`None`) the robot's messages. Seconds.
+type Message = (f64, Option<f64>);
+
+fn messages(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> Vec<Message> {
     let length = (exact.len() - 1) as f64 * tracker.dt_s;
     let interval = tracker.dt_s / ROBOT_MESSAGES;
-    let mut messages: Vec<(f64, Option<f64>)> =
+    let mut messages: Vec<Message> =
         (0..(length / interval) as u32).map(|number| (f64::from(number) * interval, None)).collect();
     for number in 1..(length / tracker.interval_s) as u32 {
         let even = f64::from(number) * tracker.interval_s;
@@ -187,14 +207,14 @@ fn messages(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> Vec<(f64,
         let stamp = even + jitter;
         let seen = if tracker.stamps == Stamps::True { stamp } else { even };
         if kept {
-            messages.push((stamp, Some(at(exact, tracker.dt_s, seen)[1])));
+            messages.push((stamp, Some(seen)));
         }
     }
     messages.sort_by(|a, b| a.0.total_cmp(&b.0));
     messages
 }
 
-fn record(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> [Recording; 3] {
+fn record(tracker: &Tracker, exact: &Speeds, messages: Vec<Message>) -> [Recording; 3] {
     let bus = Loopback::lockstep();
     let sensors = bus.node("sensors");
     let robot = bus.start_task("robot", async |mw| nodes::run_task("robot", &mw).await);
@@ -210,15 +230,15 @@ fn record(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> [Recording;
     let people = sensors.advertise("/ped/control/teleop_persons", Qos::Volatile(10)).expect("advertises");
     let fixed = sensors.advertise("/tf_static", Qos::Latched).expect("advertises");
     fixed.publish(&TFMessage::default()).expect("publishes");
-    for (t, sighting) in messages(tracker, exact, random) {
+    for (t, sighting) in messages {
         let stamp = Time::from_secs_f64(BEGIN_S + t);
         bus.advance_to(stamp);
         let header = Header { stamp, frame_id: "map".into() };
-        if let Some(speed) = sighting {
+        if let Some(seen) = sighting {
             let mut track = TrackedPerson { track_id: ID, ..TrackedPerson::default() };
             track.pose.pose.position.x = 3.0;
             track.pose.pose.orientation.w = 1.0;
-            track.twist.twist.linear.x = speed;
+            track.twist.twist.linear.x = at(exact, tracker.dt_s, seen)[1];
             people.publish(&TrackedPersons { header, tracks: vec![track] }).expect("publishes");
         } else {
             let mut message = Odometry { header: header.clone(), ..Odometry::default() };

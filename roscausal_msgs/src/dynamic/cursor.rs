@@ -230,31 +230,15 @@ impl<'a> Cursor<'a> {
             return Ok(());
         }
         match kind {
-            Kind::Struct(place) => {
-                for _ in 0..count {
-                    self.pass_struct(place)?;
-                }
-                Ok(())
-            }
-            Kind::Text => {
-                for _ in 0..count {
-                    self.text()?;
-                }
-                Ok(())
-            }
-            Kind::WideText => {
-                for _ in 0..count {
-                    let length = self.unsigned(4)?;
-                    let needed = usize::try_from(length).unwrap_or(usize::MAX).saturating_mul(self.form.wide);
-                    self.take(needed)?;
-                }
-                Ok(())
-            }
+            Kind::Struct(place) => (0..count).try_for_each(|_| self.pass_struct(place)),
+            Kind::Text => (0..count).try_for_each(|_| self.text().map(|_| ())),
+            Kind::WideText => (0..count).try_for_each(|_| {
+                let length = self.unsigned(4)?;
+                let needed = usize::try_from(length).unwrap_or(usize::MAX).saturating_mul(self.form.wide);
+                self.take(needed).map(|_| ())
+            }),
             Kind::Time | Kind::Duration if self.form.delimited == Delimited::All => {
-                for _ in 0..count {
-                    self.number(kind)?;
-                }
-                Ok(())
+                (0..count).try_for_each(|_| self.number(kind).map(|_| ()))
             }
             kind => {
                 let size = usize::from(width(kind));

@@ -262,9 +262,7 @@ impl Schema {
         }
         Ok(None)
     }
-}
 
-impl Schema {
     /// The stamps of all headers in a message, each with its place in the bytes.
     ///
     /// # Errors

@@ -52,6 +52,14 @@ macro_rules! numbers {
     };
 }
 
+macro_rules! unsupported {
+    ($($method:ident$(<$value:ident>)?($($arg:ty),*) -> $ok:ty, $what:literal;)*) => {
+        $(fn $method$(<$value: ?Sized + Serialize>)?(self, $(_: $arg),*) -> Result<$ok, Fault> {
+            Err(Fault::Unsupported($what))
+        })*
+    };
+}
+
 impl Serializer for &mut Encoder {
     type Ok = ();
     type Error = Fault;
@@ -125,69 +133,30 @@ impl Serializer for &mut Encoder {
         Ok(())
     }
 
-    fn serialize_char(self, _: char) -> Result<(), Fault> {
-        Err(Fault::Unsupported("a char"))
-    }
-
-    fn serialize_none(self) -> Result<(), Fault> {
-        Err(Fault::Unsupported("an optional field"))
-    }
-
-    fn serialize_some<T: ?Sized + Serialize>(self, _: &T) -> Result<(), Fault> {
-        Err(Fault::Unsupported("an optional field"))
-    }
-
-    fn serialize_unit_variant(self, _: &'static str, _: u32, _: &'static str) -> Result<(), Fault> {
-        Err(Fault::Unsupported("an enum"))
-    }
-
-    fn serialize_newtype_variant<T: ?Sized + Serialize>(
-        self,
-        _: &'static str,
-        _: u32,
-        _: &'static str,
-        _: &T,
-    ) -> Result<(), Fault> {
-        Err(Fault::Unsupported("an enum"))
-    }
-
-    fn serialize_tuple_variant(
-        self,
-        _: &'static str,
-        _: u32,
-        _: &'static str,
-        _: usize,
-    ) -> Result<Self::SerializeTupleVariant, Fault> {
-        Err(Fault::Unsupported("an enum"))
-    }
-
-    fn serialize_struct_variant(
-        self,
-        _: &'static str,
-        _: u32,
-        _: &'static str,
-        _: usize,
-    ) -> Result<Self::SerializeStructVariant, Fault> {
-        Err(Fault::Unsupported("an enum"))
-    }
-
-    fn serialize_map(self, _: Option<usize>) -> Result<Self::SerializeMap, Fault> {
-        Err(Fault::Unsupported("a map"))
-    }
+    unsupported!(
+        serialize_char(char) -> (), "a char";
+        serialize_none() -> (), "an optional field";
+        serialize_some<T>(&T) -> (), "an optional field";
+        serialize_unit_variant(&'static str, u32, &'static str) -> (), "an enum";
+        serialize_newtype_variant<T>(&'static str, u32, &'static str, &T) -> (), "an enum";
+        serialize_tuple_variant(&'static str, u32, &'static str, usize) -> Self::SerializeTupleVariant, "an enum";
+        serialize_struct_variant(&'static str, u32, &'static str, usize) -> Self::SerializeStructVariant, "an enum";
+        serialize_map(Option<usize>) -> Self::SerializeMap, "a map";
+    );
 
     fn is_human_readable(&self) -> bool {
         false
     }
 }
 
-/// Sequences of values without names: one follows the other.
+/// Sequences of values: one follows the other, and what else is known of it, such as its name, is not written.
 macro_rules! sequence {
-    ($($kind:ident: $element:ident),*) => {$(
+    ($($kind:ident: $element:ident($($name:ty)?)),*) => {$(
         impl $kind for &mut Encoder {
             type Ok = ();
             type Error = Fault;
 
-            fn $element<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), Fault> {
+            fn $element<T: ?Sized + Serialize>(&mut self, $(_: $name,)? value: &T) -> Result<(), Fault> {
                 value.serialize(&mut **self)
             }
 
@@ -198,17 +167,7 @@ macro_rules! sequence {
     )*};
 }
 
-sequence!(SerializeSeq: serialize_element, SerializeTuple: serialize_element, SerializeTupleStruct: serialize_field);
-
-impl SerializeStruct for &mut Encoder {
-    type Ok = ();
-    type Error = Fault;
-
-    fn serialize_field<T: ?Sized + Serialize>(&mut self, _: &'static str, value: &T) -> Result<(), Fault> {
-        value.serialize(&mut **self)
-    }
-
-    fn end(self) -> Result<(), Fault> {
-        Ok(())
-    }
-}
+sequence!(
+    SerializeSeq: serialize_element(), SerializeTuple: serialize_element(),
+    SerializeTupleStruct: serialize_field(), SerializeStruct: serialize_field(&'static str)
+);

@@ -45,6 +45,7 @@ macro_rules! for_every_type {
             geometry_msgs::Twist
             geometry_msgs::TwistStamped
             geometry_msgs::TwistWithCovariance
+            nav2_msgs::SpeedLimit
             nav_msgs::Odometry
             nav_msgs::Path
             tf2_msgs::TFMessage

@@ -56,13 +56,13 @@ impl Master {
     /// # Errors
     /// No master.
     pub(crate) fn wait(&self, keep_waiting: &dyn Fn() -> bool) -> Result<()> {
-        let mut told: Option<Instant> = None;
+        let mut reported: Option<Instant> = None;
         while let Err(error) = self.ask::<Xml>("getPid", &[]) {
             if !keep_waiting() {
                 return Err(Error::Middleware(format!("no ROS master: {error}")));
             }
-            if told.is_none_or(|told| told.elapsed() > REMINDER) {
-                told = Some(Instant::now());
+            if reported.is_none_or(|reported| reported.elapsed() > REMINDER) {
+                reported = Some(Instant::now());
                 tracing::warn!("waiting for the ROS master ({error}); start roscore, or set ROS_MASTER_URI");
             }
             thread::sleep(Duration::from_millis(200));

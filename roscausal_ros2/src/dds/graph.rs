@@ -34,7 +34,7 @@ struct State {
     /// The latched publishers, with their DDS topics.
     latched: Vec<(String, Weak<dyn Latched>)>,
     /// What has been logged already, so that it is logged once.
-    said: HashSet<String>,
+    stated: HashSet<String>,
 }
 
 impl Graph {
@@ -132,7 +132,7 @@ impl Graph {
 }
 
 fn say_once(state: &mut State, text: String) {
-    if state.said.insert(text.clone()) {
+    if state.stated.insert(text.clone()) {
         warn!("{text}");
     }
 }

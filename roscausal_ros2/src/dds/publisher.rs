@@ -81,12 +81,10 @@ impl<M: Message> Publisher<M> {
         }
         let Ok(bytes) = CDRSerializerAdapter::<M>::to_bytes(message) else { return };
         if bytes.len() > LARGE_MESSAGE && !self.said_large.swap(true, Ordering::Relaxed) {
+            let (topic, size, large) = (&self.shared.topic, bytes.len() / 1000, LARGE_MESSAGE / 1000);
             warn!(
-                "topic '{}': a message has {} kB; above {} kB a subscriber on Fast DDS with default socket buffers \
-                 may get it only after seconds (set its listenSocketBufferSize, see docs/ros2.md)",
-                self.shared.topic,
-                bytes.len() / 1000,
-                LARGE_MESSAGE / 1000
+                "topic '{topic}': a message has {size} kB; above {large} kB a subscriber on Fast DDS with default socket \
+                 buffers may get it only after seconds (set its listenSocketBufferSize, see docs/ros2.md)"
             );
         }
     }

@@ -45,10 +45,10 @@ impl Spinner {
     pub(crate) fn start(on_panic: impl Fn(String) + Send + 'static) -> io::Result<Self> {
         let (tasks, incoming) = mpsc::unbounded();
         let rests = Arc::new(AtomicBool::new(false));
-        let told = rests.clone();
+        let reported = rests.clone();
         let thread = thread::Builder::new()
             .name("ros2 spinner".into())
-            .spawn(move || block_on(rested(run(incoming, on_panic), &told)))?;
+            .spawn(move || block_on(rested(run(incoming, on_panic), &reported)))?;
         Ok(Self { tasks, thread: Mutex::new(Some(thread)), rests })
     }
 

@@ -120,6 +120,13 @@ impl ParamFile {
         let values = fits(false).chain(fits(true)).flat_map(|(_, values)| values);
         values.map(|(name, value)| (name.clone(), value.clone())).collect()
     }
+
+    /// The patterns that name this node, but in another namespace: nothing under them is for it.
+    pub fn missed(&self, full_name: &str) -> Vec<String> {
+        let name = segments(full_name);
+        let misses = |(pattern, _): &&(Vec<String>, _)| pattern.last() == name.last() && !fit(pattern, &name);
+        self.nodes.iter().filter(misses).map(|(pattern, _)| pattern.join("/")).collect()
+    }
 }
 
 /// YAML without aliases, which rcl refuses too, and of which a short text makes a long one.
@@ -227,6 +234,13 @@ mod tests {
         assert_eq!(values["a"], Value::Int(2));
         assert_eq!(values["b"], Value::Double(1000.0));
         assert_eq!(params.for_node("/x/robot")["a"], Value::Int(9));
+    }
+
+    #[test]
+    fn what_a_file_has_for_the_node_of_another_namespace_is_named() {
+        let params = file("bot: {ros__parameters: {a: 1}}\n/**/bot: {ros__parameters: {b: 1}}\n").unwrap();
+        assert_eq!(params.missed("/r1/bot"), ["bot"]);
+        assert!(params.missed("/bot").is_empty() && params.missed("/r1/other").is_empty());
     }
 
     #[test]

@@ -254,14 +254,14 @@ mod tests {
             |name: &str, value: f64| parameters.set(vec![(name.to_owned(), Some(Value::Double(value)))]);
         set("rate", 5.0).unwrap();
         let taken = std::sync::Arc::new(Mutex::new(Vec::new()));
-        let told = taken.clone();
+        let reported = taken.clone();
         let odd = |rate: f64| roscausal_core::Error::param("rate", format!("{rate} is odd"));
         let take = move |params: &Params| {
             let rate = params.double("rate");
             if rate == 7.0 {
                 Err(odd(rate))
             } else {
-                lock(&told).push(rate);
+                lock(&reported).push(rate);
                 Ok(())
             }
         };

@@ -10,7 +10,7 @@ const MOST_WITHOUT_ROWS: usize = 20_000;
 /// Collects the samples for the journal. For each robot, person or signal it keeps only those that a row can depend on: the
 /// first and the last between two rows, and all late ones. So a journal is at most about twice as large as its
 /// batch, however fast the topics are.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(in crate::batch) struct Log {
     next_number: u64,
     number: Option<u64>,
@@ -24,14 +24,7 @@ pub(in crate::batch) struct Log {
 impl Log {
     /// A log whose first journal is number `first`.
     pub(in crate::batch) fn new(first: u64, dt_ns: i64) -> Self {
-        Self {
-            next_number: first,
-            number: None,
-            dt_ns,
-            newest: BTreeMap::new(),
-            entries: Vec::new(),
-            noted: 0,
-        }
+        Self { next_number: first, dt_ns, ..Self::default() }
     }
 
     /// Number of the open journal, if there is one.

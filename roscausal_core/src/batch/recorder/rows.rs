@@ -10,23 +10,42 @@ use crate::batch::{
     journal::Log,
     recording::{EndedBy, Recording},
     select::Select,
-    tracks::{Track, Values},
+    tracks::{Sampling, Track, Values},
 };
+
+/// From [`FEW_ROWS`] on a person's rows have room for so many at once, an hour at 0.1 s: where all people's grow together, each leaves a
+/// hole in memory.
+const ROWS_AHEAD: usize = 40_000;
+
+/// So many rows a batch has before it is believed to become a long one.
+const FEW_ROWS: usize = 1000;
 
 impl Recorder {
     /// Writes the row at this stamp, in nanoseconds, to the open batch, or opens one if there is anything to begin with.
     pub(super) fn record(&mut self, row: i64) {
-        let (max_gap, sampling) = (self.max_gap_ns, self.config.sampling);
-        let of = |track: &Track| track.row(row, self.dt_ns, max_gap, sampling);
+        let moments = self.moments(row);
+        let moment = mean(moments.values().copied()).unwrap_or(row);
+        let max_gap = self.max_gap_ns;
+        let sampling = match self.config.sampling {
+            // What is held of one is older than what lies on a line of another.
+            Sampling::Auto if self.people.values().any(|track| track.is_seldom(self.dt_ns)) => {
+                Sampling::Linear
+            }
+            sampling => sampling,
+        };
+        let at = |track: &Track, moment| track.row(moment, self.dt_ns, max_gap, sampling);
+        let of = |track: &Track| at(track, moment);
         let robot = of(&self.robot);
-        let people: Vec<(u32, Values)> =
-            self.people.iter().filter_map(|(id, track)| Some((*id, of(track)?))).collect();
+        let person =
+            |(id, track): (&u32, &Track)| Some((*id, at(track, moments.get(id).copied().unwrap_or(moment))?));
+        let people: Vec<(u32, Values)> = self.people.iter().filter_map(person).collect();
         let others: Vec<(String, Values)> = self
             .others
             .iter()
             .map(|(name, track)| (name.clone(), of(track).unwrap_or(Values::UNKNOWN)))
             .collect();
-        let signals: Vec<f64> = self.signals.iter().map(|track| track.at(row, self.dt_ns, max_gap)).collect();
+        let signals: Vec<f64> =
+            self.signals.iter().map(|track| track.at(moment, self.dt_ns, max_gap)).collect();
         let begins = match self.config.select {
             Select::Nobody => robot.is_some() || signals.iter().any(|value| !value.is_nan()),
             _ => robot.is_some() && !people.is_empty(),
@@ -42,27 +61,29 @@ impl Recorder {
             start: Time::from_nanos(row),
             dt_ns: self.dt_ns,
             frame: self.frame.clone().unwrap_or_default(),
-            robot: Vec::new(),
-            people: BTreeMap::new(),
-            others: BTreeMap::new(),
-            context: BTreeMap::new(),
             signals: self.signals.iter().map(|track| (track.name.clone(), Vec::new())).collect(),
-            complete: false,
-            ended_by: None,
-            length_s: None,
+            ..Recording::default()
         });
         for track in people.iter().filter_map(|(id, _)| self.people.get(id)) {
-            let Some([interval, ahead]) = track.spacing(row) else { continue };
+            let Some([interval, ahead]) = track.spacing(moment) else { continue };
             let (cells, [intervals, all_ahead]) = &mut self.spacing;
             *cells += 1.0;
             *intervals += interval;
             *all_ahead += if track.holds(self.dt_ns, sampling) { 0.0 } else { ahead };
+        }
+        let follows = people.iter().filter_map(|(_, person)| robot.as_ref()?.follows(person));
+        for is_following in follows {
+            self.following[0] += 1;
+            self.following[1] += u64::from(is_following);
         }
         let n_rows = open.robot.len();
         open.robot.push(robot.unwrap_or(Values::UNKNOWN));
         for (id, values) in &people {
             if open.people.contains_key(id) || open.people.len() < MOST_PEOPLE {
                 let rows = open.people.entry(*id).or_default();
+                if n_rows >= FEW_ROWS {
+                    rows.reserve_exact(self.rows_per_batch.min(ROWS_AHEAD).saturating_sub(rows.len()));
+                }
                 rows.resize(n_rows, Values::UNKNOWN);
                 rows.push(*values);
             } else {
@@ -97,6 +118,13 @@ impl Recorder {
                 None => EndedBy::MostRows,
             });
         }
+    }
+
+    /// Whom the row at this stamp takes at the moment of their sighting, because one comes about once a row. All else in the row is of that
+    /// moment too (people are seen together, mostly), so that nobody's values are ahead of another's.
+    fn moments(&self, row: i64) -> BTreeMap<u32, i64> {
+        let moment = |track: &Track| track.moment(row, self.dt_ns, self.config.sampling);
+        self.people.iter().filter_map(|(id, track)| Some((*id, moment(track)?))).collect()
     }
 
     /// Ends the open batch: the nearest people are chosen, and empty rows at its end are left out.
@@ -143,6 +171,12 @@ impl Recorder {
         }
         self.take_length();
     }
+}
+
+/// The mean of stamps, if there is any.
+fn mean(stamps: impl ExactSizeIterator<Item = i64>) -> Option<i64> {
+    let count = stamps.len() as i128;
+    (count > 0).then(|| (stamps.map(i128::from).sum::<i128>() / count) as i64)
 }
 
 /// Where the nearest people are to be recorded: how many, and who they are in this row.

@@ -83,14 +83,14 @@ impl Codes {
     }
 
     /// `0 idle, 1 walk`.
-    pub(super) fn told(&self) -> String {
+    pub(super) fn reported(&self) -> String {
         const MOST: usize = 12;
-        let mut told: Vec<String> =
+        let mut reported: Vec<String> =
             self.codes.keys().take(MOST).enumerate().map(|(code, word)| format!("{code} {word}")).collect();
         if self.codes.len() > MOST {
-            told.push("...".into());
+            reported.push("...".into());
         }
-        told.join(", ")
+        reported.join(", ")
     }
 }
 
@@ -126,6 +126,6 @@ mod tests {
         let mut codes = Codes::default();
         assert_eq!(["walk", "idle", "walk", "run"].map(|word| codes.of(word)), [0.0, 1.0, 0.0, 2.0]);
         assert_eq!(codes.sorted(), [2.0, 0.0, 1.0]);
-        assert_eq!(codes.told(), "0 idle, 1 run, 2 walk");
+        assert_eq!(codes.reported(), "0 idle, 1 run, 2 walk");
     }
 }

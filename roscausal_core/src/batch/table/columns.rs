@@ -5,29 +5,20 @@ use std::collections::HashMap;
 use csv::ByteRecord;
 use roscausal_discovery::names;
 
-use super::time::Unit;
+use super::{Complaint, Parsed, Reading, time::Unit};
 
 /// Names of the column of sample times, which is not a variable; a unit may follow (`time_ms`, `Time [s]`).
-const TIME_NAMES: [&str; 14] = [
-    "time",
-    "t",
-    "timestamp",
-    "stamp",
-    "datetime",
-    "date_time",
-    "date",
-    "header.stamp",
-    "header_stamp",
-    "ros_time",
-    "rosbagtimestamp",
-    "time_stamp",
-    "elapsed",
-    "elapsed_time",
+const TIME_NAMES: [&str; 22] = [
+    "time", "t", "timestamp", "stamp", "datetime", "date_time", "date", "header.stamp", "header_stamp",
+    "ros_time", "rosbagtimestamp", "time_stamp", "elapsed", "elapsed_time", "sim_time", "unix_time", "epoch",
+    "ts", "clock", "zeit", "yyyymmdd", "yyyymm",
 ];
 
 /// The column of times, and the unit in its name.
 pub(crate) fn time_column(header: &[String]) -> Option<(usize, Option<Unit>)> {
-    let named = header.iter().enumerate().find_map(|(column, name)| Some((column, time_name(name)?)));
+    // A later T is a temperature.
+    let is_time = |column: usize, name: &String| time_name(name).filter(|_| column == 0 || name != "T");
+    let named = header.iter().enumerate().find_map(|(column, name)| Some((column, is_time(column, name)?)));
     // The stamp of a message within a longer name: `/odom/header/stamp`, `.pose.header.stamp`.
     let is_stamp = |name: &String| name.to_lowercase().replace('/', ".").ends_with(".header.stamp");
     named.or_else(|| header.iter().position(is_stamp).map(|column| (column, None)))
@@ -49,7 +40,7 @@ pub(crate) fn time_name(name: &str) -> Option<Option<Unit>> {
 }
 
 /// A table with more columns than this is none.
-const MOST_COLUMNS: usize = 100_000;
+pub(super) const MOST_COLUMNS: usize = 100_000;
 /// A name of more bytes than this is none.
 const LONGEST_NAME: usize = 1000;
 
@@ -157,6 +148,23 @@ pub(super) fn chosen(
     Ok(columns)
 }
 
+/// The columns that are read: those that are chosen, or all; and what other settings need besides.
+pub(super) fn read(header: &[String], reading: &Reading, time: Option<usize>) -> Parsed<Vec<usize>> {
+    let Some(wanted) = &reading.columns else { return Ok((0..header.len()).collect()) };
+    let mut columns = Vec::new();
+    if !wanted.is_empty() || reading.needs.is_empty() {
+        columns = chosen(header, wanted, time).map_err(|reason| Complaint::Setting("columns", reason))?;
+    }
+    for (name, setting) in &reading.needs {
+        let more = one(header, name).map_err(|reason| Complaint::Setting(setting, reason))?;
+        // The time is at hand without being a variable.
+        if Some(more) != time && !columns.contains(&more) {
+            columns.push(more);
+        }
+    }
+    Ok(columns)
+}
+
 fn matching(header: &[String], name: &str) -> Result<Vec<usize>, String> {
     if let Some(column) = names::position(header, name) {
         return Ok(vec![column]);
@@ -173,7 +181,8 @@ fn matching(header: &[String], name: &str) -> Result<Vec<usize>, String> {
     Err(unknown(header, name))
 }
 
-fn one(header: &[String], name: &str) -> Result<usize, String> {
+/// The column of this name, in any spelling.
+pub(super) fn one(header: &[String], name: &str) -> Result<usize, String> {
     names::position(header, name).ok_or_else(|| unknown(header, name))
 }
 

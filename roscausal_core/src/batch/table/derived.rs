@@ -187,8 +187,8 @@ mod tests {
             ("a = y", "'y' is unknown; columns: x"),
             ("a = rate(x)", "needs times"),
         ] {
-            let told = table.clone().derive(&parsed(&[text])).expect_err(text).to_string();
-            assert!(told.contains(part), "{told}");
+            let reported = table.clone().derive(&parsed(&[text])).expect_err(text).to_string();
+            assert!(reported.contains(part), "{reported}");
         }
     }
 }

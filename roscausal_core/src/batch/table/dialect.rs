@@ -9,7 +9,7 @@ use std::{
     path::Path,
 };
 
-use super::time::date;
+use super::{columns::MOST_COLUMNS, time::date};
 use crate::{
     Error, Result as FileResult,
     content::{not_a_table, not_data},
@@ -104,7 +104,7 @@ pub(super) struct Layout {
 /// holds numbers and as many cells. A first line of numbers or dates is a row, unless it counts the columns. `no_header`: it is
 /// one in any case.
 pub(super) fn layout(bytes: &[u8], no_header: bool) -> Layout {
-    let mut told = None;
+    let mut reported = None;
     let mut hash: Option<(usize, &[u8])> = None;
     let count = |start: usize| lines(&bytes[..start]).count() as u64;
     for (start, line) in lines(bytes) {
@@ -115,25 +115,28 @@ pub(super) fn layout(bytes: &[u8], no_header: bool) -> Layout {
         if let Some(separator) =
             text.strip_prefix(b"sep=").or(text.strip_prefix(b"SEP=")).filter(|rest| rest.len() == 1)
         {
-            told = Some(Separator::Byte(separator[0]));
+            reported = Some(Separator::Byte(separator[0]));
             continue;
         }
         if let Some(comment) = text.strip_prefix(b"#") {
             hash = Some((start, comment.trim_ascii()));
             continue;
         }
+        if hash.is_none() && is_prose(text, &bytes[start..]) {
+            continue;
+        }
         let next = || {
             lines(&bytes[start..]).skip(1).map(|(_, line)| line).find(|line| is_row(line)).unwrap_or_default()
         };
         if let Some((start, header)) = hash.filter(|_| !no_header) {
-            let separator = told.unwrap_or_else(|| separator(header, text));
+            let separator = reported.unwrap_or_else(|| separator(header, text));
             let same = cells(header, separator) == cells(text, separator) && cells(text, separator) > 1;
             if same && numeric(text, separator) && !numeric(header, separator) {
                 let lines_before = count(start);
                 return Layout { start, separator, behind_hash: true, lines_before, nameless: false };
             }
         }
-        let separator = told.unwrap_or_else(|| separator(text, next()));
+        let separator = reported.unwrap_or_else(|| separator(text, next()));
         let nameless = no_header || is_nameless(text, next(), separator);
         return Layout { start, separator, behind_hash: false, lines_before: count(start), nameless };
     }
@@ -141,9 +144,34 @@ pub(super) fn layout(bytes: &[u8], no_header: bool) -> Layout {
     Layout { start: 0, separator, behind_hash: false, lines_before: 0, nameless: false }
 }
 
+/// Whether a line is prose before a header behind `#`, as KNMI writes it: another number of cells than in the header and the row below it.
+fn is_prose(text: &[u8], from_here: &[u8]) -> bool {
+    const FARTHEST: usize = 100;
+    let mut header: Option<&[u8]> = None;
+    for line in lines(from_here).skip(1).take(FARTHEST).map(|(_, line)| line.trim_ascii()) {
+        match (line.strip_prefix(b"#"), header) {
+            _ if line.is_empty() => {}
+            (Some(comment), _) => header = Some(comment.trim_ascii()),
+            (None, Some(header)) => {
+                let separator = separator(header, line);
+                let [of_header, of_row, own] = [header, line, text].map(|line| cells(line, separator));
+                let is_header = of_header == of_row && of_row > 2 && !numeric(header, separator);
+                return is_header && numeric(line, separator) && own != of_row;
+            }
+            (None, None) if numeric(line, separator(line, line)) => return false,
+            (None, None) => {}
+        }
+    }
+    false
+}
+
 /// Whether a first line is a row: numbers and dates. Whole numbers in order from 0 or 1 are names, as pandas makes them, if the
 /// line below is of another kind, or there are three and more.
 fn is_nameless(first: &[u8], second: &[u8], separator: Separator) -> bool {
+    // More than any table has is refused later; here each would be a word in memory.
+    if cells(first, separator) > MOST_COLUMNS {
+        return false;
+    }
     let cells = |line: &'_ [u8]| -> Vec<String> {
         let text = String::from_utf8_lossy(line).into_owned();
         let clean = |cell: &str| cell.trim().trim_matches('"').to_owned();

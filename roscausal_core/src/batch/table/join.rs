@@ -16,13 +16,17 @@ use roscausal_discovery::Named;
 use super::{
     Note, Table,
     steps::{self, GAP_STEPS, Steps, at_times, digits, evenly},
+    time::DAY,
 };
+
+/// Steps from which on times are a calendar's, seconds: 20 days.
+const OF_CALENDAR: f64 = 20.0 * DAY;
 
 impl Table {
     /// The files' tables as one, at the step asked for, or else the longest of theirs.
     ///
     /// # Errors
-    /// Fewer than two files, two of one name, one without times, or files that share no span of time.
+    /// Fewer than two files, two of one name, one without times, files that share no span of time, or months that begin on other days.
     pub fn side_by_side(files: &[(PathBuf, Self)], how: &Steps) -> Result<Self, String> {
         if files.len() < 2 {
             return Err("there is one file; give all files of the recording".into());
@@ -34,6 +38,11 @@ impl Table {
         let columns = files.iter().map(|(_, table)| table.values.ncols()).sum();
         let cells = files.iter().map(|(_, table)| table.values.len()).sum();
         let shared = how.dt.map_or_else(|| shared_stamps(&parts, [from, to]), |_| None);
+        if shared.is_none() && how.dt.is_none() && longest >= OF_CALENDAR {
+            let reason = "their times are months or longer, which a step in seconds does not join, and differ between the files; give each \
+                          month (quarter, year) the same day in all of them";
+            return Err(reason.into());
+        }
         let grid = match &shared {
             Some(stamps) => stamps.clone(),
             None => evenly(from, to, dt, how.most_rows(columns, cells))?,
@@ -211,7 +220,8 @@ mod tests {
     fn files_that_cannot_be_joined_are_told_why() {
         let at = |from| table("v", from, 50, 0.1, |t| t);
         let timeless = Table { time: None, ..at(0.0) };
-        for (files, told) in [
+        let monthly = |from| table("v", from, 50, 30.0 * 86_400.0, |t| t);
+        for (files, reported) in [
             (vec![("a.csv", at(0.0))], "there is one file"),
             (
                 vec![("a.csv", at(0.0)), ("b.csv", at(60.0))],
@@ -219,9 +229,13 @@ mod tests {
             ),
             (vec![("a.csv", at(0.0)), ("b.csv", timeless)], "b.csv has no times to join it by"),
             (vec![("x/a.csv", at(0.0)), ("y/a.csv", at(0.0))], "x/a.csv and y/a.csv have the same name"),
+            (
+                vec![("a.csv", monthly(0.0)), ("b.csv", monthly(86_400.0))],
+                "give each month (quarter, year) the same day",
+            ),
         ] {
-            let error = joined(&files, &Steps::default()).expect_err(told);
-            assert!(error.contains(told), "{error}");
+            let error = joined(&files, &Steps::default()).expect_err(reported);
+            assert!(error.contains(reported), "{error}");
         }
     }
 }

@@ -94,9 +94,9 @@ mod tests {
     #[test]
     fn each_value_of_a_column_is_a_recording_wherever_its_rows_are() {
         let parts = table(Some(vec![0.0, 0.0, 0.1, 0.1])).by_recording("id", false).expect("two");
-        let told: Vec<_> =
+        let reported: Vec<_> =
             parts.iter().map(|(name, part)| (name.as_str(), part.values.column(0).to_vec())).collect();
-        assert_eq!(told, [("id 1", vec![10.0, 11.0]), ("id 2", vec![20.0, 21.0])]);
+        assert_eq!(reported, [("id 1", vec![10.0, 11.0]), ("id 2", vec![20.0, 21.0])]);
         assert!(
             parts
                 .iter()
@@ -108,11 +108,15 @@ mod tests {
     fn a_time_that_begins_anew_begins_a_recording() {
         let parts = table(Some(vec![0.0, 0.1, 0.0, 0.1])).by_recording("time", false).expect("two");
         assert_eq!(parts.iter().map(|(_, part)| part.values.nrows()).collect::<Vec<_>>(), [2, 2]);
-        assert!(table(None).by_recording("walk", false).is_err_and(|told| told.contains("no column 'walk'")));
+        assert!(
+            table(None)
+                .by_recording("walk", false)
+                .is_err_and(|reported| reported.contains("no column 'walk'"))
+        );
         assert!(
             table(Some(vec![0.2, 0.0, 0.1, 0.1]))
                 .by_recording("id", false)
-                .is_err_and(|told| told.contains("goes back"))
+                .is_err_and(|reported| reported.contains("goes back"))
         );
     }
 

@@ -4,12 +4,10 @@
 //! 2. With a step asked for, each recording is resampled to it.
 //! 3. Otherwise the steps must be even: at most one in ten may be off by more than a quarter. What they vary by is told.
 
-use std::str::FromStr;
-
 use ndarray::{Array2, Axis, s};
 use roscausal_discovery::Named;
 
-use super::{Note, Table};
+use super::{Note, Table, time::DAY};
 use crate::memory::{Memory, most_grown};
 
 /// Steps farther than this fraction from the median are uneven.
@@ -55,23 +53,7 @@ pub enum Resample {
     Linear,
 }
 
-impl Resample {
-    /// The names that users choose by.
-    pub const NAMES: [&'static str; 3] = ["last", "mean", "linear"];
-}
-
-impl FromStr for Resample {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "last" => Ok(Self::Last),
-            "mean" => Ok(Self::Mean),
-            "linear" => Ok(Self::Linear),
-            other => Err(format!("'{other}' is unknown; allowed: {}", Self::NAMES.join(", "))),
-        }
-    }
-}
+roscausal_discovery::words!(Resample, "resample": Last "last", Mean "mean", Linear "linear");
 
 /// Median step between times, seconds.
 pub(super) fn median_step(time: &[f64]) -> Option<f64> {
@@ -107,8 +89,9 @@ impl Table {
         };
         let mut notes = std::mem::take(&mut self.notes);
         if steps.dt.is_none() && are_working_days(&time, median) {
-            let told = "its times are working days: a lag is one of them, also over a weekend or a holiday";
-            notes.push(Note::Read(told.to_owned()));
+            let reported =
+                "its times are working days: a lag is one of them, also over a weekend or a holiday";
+            notes.push(Note::Read(reported.to_owned()));
             return Ok(vec![Self { time: Some(time), notes, ..self }]);
         }
         let usual = median.max(steps.dt.unwrap_or(0.0));
@@ -178,13 +161,19 @@ fn parts(time: &[f64], max_gap: f64) -> Vec<(usize, usize)> {
     starts.windows(2).map(|pair| (pair[0], pair[1])).collect()
 }
 
-/// Whether these are days without any Saturday or Sunday, of which most follow one another.
+/// Whether these are days of which most follow one another, without any Saturday or Sunday, or, over four weeks, without others.
 fn are_working_days(time: &[f64], median: f64) -> bool {
-    const DAY: f64 = 86_400.0;
     // 1970 began on a Thursday.
     let weekday = |t: f64| ((t / DAY).floor() + 3.0).rem_euclid(7.0);
-    let whole = |t: &f64| (t - time[0]).rem_euclid(DAY) == 0.0 && weekday(*t) < 5.0;
-    median == DAY && time.len() > 7 && time[0] > DAY && time.iter().all(whole)
+    let whole = |t: &f64| (t - time[0]).rem_euclid(DAY) == 0.0;
+    if median != DAY || time.len() <= 7 || time[0] <= DAY || !time.iter().all(whole) {
+        return false;
+    }
+    let mut worked = [false; 7];
+    time.iter().for_each(|t| worked[weekday(*t) as usize] = true);
+    let [.., saturday, sunday] = worked;
+    let is_long = time[time.len() - 1] - time[0] >= 28.0 * DAY;
+    !(saturday || sunday) || (is_long && (4..7).contains(&worked.iter().filter(|day| **day).count()))
 }
 
 /// Times as they were before they were rounded, if that explains their uneven steps; with the step, and to what they were rounded.
@@ -270,10 +259,10 @@ impl Jitter {
                 Named("resample")
             ));
         }
-        let told = || {
+        let reported = || {
             format!("steps of {median} s vary by {} % (standard deviation)", percent(self.deviation).max(1.0))
         };
-        Ok((self.deviation > WORTH_TELLING).then(told))
+        Ok((self.deviation > WORTH_TELLING).then(reported))
     }
 }
 
@@ -376,10 +365,10 @@ mod tests {
         time.iter_mut().skip(40).for_each(|t| *t += 20.0);
         let tables = table(&time, |t| t).at_even_steps(&Steps::default()).expect("even");
         assert_eq!(tables.iter().map(|table| table.values.nrows()).collect::<Vec<_>>(), [40, 60]);
-        let told = tables[0].notes[0].to_string();
+        let reported = tables[0].notes[0].to_string();
         assert!(
-            told.starts_with("1 gap of more than 0.5 s (the longest 20.1 s): analysed as 2 recordings"),
-            "{told}"
+            reported.starts_with("1 gap of more than 0.5 s (the longest 20.1 s): analysed as 2 recordings"),
+            "{reported}"
         );
         let wide = Steps { max_gap: Some(30.0), ..Steps::default() };
         assert_eq!(table(&time, |t| t).at_even_steps(&wide).expect("one").len(), 1);
@@ -435,14 +424,18 @@ mod tests {
 
     #[test]
     fn working_days_are_even() {
-        let days = (19_723..19_900_i32).filter(|day| (day + 3) % 7 < 5 && *day != 19_750);
-        let time: Vec<f64> = days.map(|day| f64::from(day) * 86_400.0).collect();
-        let tables = table(&time, |t| t).at_even_steps(&Steps::default()).expect("even");
-        assert!(
-            tables.len() == 1 && tables[0].notes[0].to_string().contains("working days"),
-            "{:?}",
-            tables[0].notes
-        );
+        // From Monday to Friday, from Sunday to Thursday, and from Monday to Saturday, with a holiday.
+        for (first, count) in [(0, 5), (6, 5), (0, 6)] {
+            let works = |day: &i32| (day + 3 - first).rem_euclid(7) < count && *day != 19_750;
+            let time: Vec<f64> =
+                (19_723..19_900_i32).filter(works).map(|day| f64::from(day) * 86_400.0).collect();
+            let tables = table(&time, |t| t).at_even_steps(&Steps::default()).expect("even");
+            assert!(
+                tables.len() == 1 && tables[0].notes[0].to_string().contains("working days"),
+                "{:?}",
+                tables[0].notes
+            );
+        }
     }
 
     #[test]

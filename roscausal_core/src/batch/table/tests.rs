@@ -37,17 +37,51 @@ fn separators_of_other_countries_are_found() {
 fn a_complaint_names_line_column_and_the_way_out() {
     assert!(complaint("").contains("empty"));
     assert!(complaint("a,b\n").contains("only a header"));
-    let told = roscausal_discovery::spelled_out(&complaint("a,b\n1,2\n3,fast\n"), |id| format!("--{id}"));
+    let reported = roscausal_discovery::spelled_out(&complaint("a,b\n1,2\n3,fast\n"), |id| format!("--{id}"));
     assert_eq!(
-        told,
+        reported,
         "line 3, column 'b': 'fast' is not a number; correct it, leave the cell empty, name the columns to use with \
-         --columns, or turn words into codes with --encode codes"
+         --columns, turn words into codes with --encode codes, or, if they say whose a row is, make recordings of them with \
+         --recording 'b'"
     );
     assert!(complaint("a,b\n1,2\n3\n").starts_with("line 3 has 1 cells, the header has 2 names"));
     assert!(complaint("a,b\n1,2\n1,2,3\n").starts_with("line 3 has 3 cells"));
     assert!(complaint("a,b,a\n1,2,3\n").contains("both column 1 and column 3"));
     assert!(complaint("a,b\n1,inf\n").contains("infinite"));
     assert!(complaint("time,b\n1,2\n0.5,2\n").starts_with("line 3, column 'time': time goes back"));
+}
+
+#[test]
+fn a_date_and_a_time_of_day_are_one_time_in_either_order() {
+    for (header, row) in [("date,time,a", "1970-01-02,00:00:0"), ("time,date,a", "")] {
+        let cells = |second: usize| match row.is_empty() {
+            true => format!("00:00:0{second},1970-01-02,1\n"),
+            false => format!("{row}{second},1\n"),
+        };
+        let table = parse(&format!("{header}\n{}{}", cells(1), cells(2))).expect("reads");
+        assert_eq!((table.names, table.time), (vec!["a".to_owned()], Some(vec![86_401.0, 86_402.0])));
+    }
+}
+
+#[test]
+fn prose_before_a_header_behind_a_hash_is_passed_over() {
+    let rows = "  260,20200101,  73\n  260,20200102,  41\n  260,20200103,  23\n";
+    let table = parse(&format!("BRON: KNMI\nSTN = Station\n\n# STN,YYYYMMDD,  FG\n{rows}")).expect("reads");
+    assert_eq!((table.names, table.values[[1, 1]]), (vec!["STN".to_owned(), "FG".to_owned()], 41.0));
+    assert_eq!(table.time.map(|time| time[1] - time[0]), Some(time::DAY));
+    // A comment below a header is a comment.
+    let table = parse("a,b,c\n# s,m,m\n1,2,3\n").expect("reads");
+    assert_eq!(table.names, ["a", "b", "c"]);
+}
+
+#[test]
+fn a_later_t_is_a_temperature_and_a_table_on_its_side_is_named_so() {
+    let table = parse("n,T,b\n1,20,3\n2,19,4\n").expect("reads");
+    assert_eq!((table.names.len(), table.time), (3, None));
+    let numbers =
+        |first: &str| (0..40).fold(first.to_owned(), |line, k| line + &format!(",0.{}", 100 + k)) + "\n";
+    let reported = complaint(&[numbers("a"), numbers("b"), numbers("c")].concat());
+    assert!(reported.contains("lie on its side"), "{reported}");
 }
 
 #[test]
@@ -93,7 +127,9 @@ fn only_the_wanted_columns_are_read() {
 fn an_unknown_column_gets_the_nearest_name() {
     let reading = Reading { columns: Some(vec!["h_gd".to_owned()]), ..Reading::default() };
     match Table::parse(b"h_v,h_dg\n1,2\n2,3\n", &reading) {
-        Err(Complaint::Columns(reason)) => assert!(reason.contains("did you mean 'h_dg'?"), "{reason}"),
+        Err(Complaint::Setting("columns", reason)) => {
+            assert!(reason.contains("did you mean 'h_dg'?"), "{reason}")
+        }
         other => panic!("{other:?}"),
     }
 }

@@ -1,7 +1,5 @@
 //! Sample times: their units, and dates.
 
-use std::str::FromStr;
-
 use chrono::{DateTime, Datelike, NaiveDate, NaiveDateTime, NaiveTime};
 use roscausal_discovery::Named;
 
@@ -23,9 +21,6 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// The names that users choose by.
-    pub const NAMES: [&'static str; 6] = ["s", "ms", "us", "ns", "min", "h"];
-
     /// Units in a second.
     pub fn per_second(self) -> f64 {
         match self {
@@ -50,28 +45,30 @@ impl Unit {
     }
 }
 
-impl FromStr for Unit {
-    type Err = String;
+roscausal_discovery::words!(
+    Unit, "time_unit":
+    Seconds "s" | "sec" | "secs" | "seconds",
+    Milliseconds "ms" | "msec" | "millis" | "milliseconds",
+    Microseconds "us" | "µs" | "usec" | "micros" | "microseconds",
+    Nanoseconds "ns" | "nsec" | "nanos" | "nanoseconds",
+    Minutes "min" | "mins" | "minutes",
+    Hours "h" | "hr" | "hrs" | "hours"
+);
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.to_lowercase().as_str() {
-            "s" | "sec" | "secs" | "seconds" => Ok(Self::Seconds),
-            "ms" | "msec" | "millis" | "milliseconds" => Ok(Self::Milliseconds),
-            "us" | "µs" | "usec" | "micros" | "microseconds" => Ok(Self::Microseconds),
-            "ns" | "nsec" | "nanos" | "nanoseconds" => Ok(Self::Nanoseconds),
-            "min" | "mins" | "minutes" => Ok(Self::Minutes),
-            "h" | "hr" | "hrs" | "hours" => Ok(Self::Hours),
-            _ => Err(format!("'{text}' is not a unit of time; allowed: {}", Self::NAMES.join(", "))),
-        }
-    }
-}
+/// Seconds of a day.
+pub(super) const DAY: f64 = 86_400.0;
 
 /// Times in seconds, and what to tell about their unit. `known` is the unit if the user or the header says it.
 ///
 /// Without it: numbers since 1970 tell it by their size; of others, whole numbers in steps of a million and more are
 /// nanoseconds, and the rest are seconds.
 pub(crate) fn in_seconds(mut time: Vec<f64>, known: Option<Unit>) -> (Vec<f64>, Option<String>) {
-    let (unit, told) = match known {
+    if known.is_none()
+        && let Some(dates) = dates(&time)
+    {
+        return (dates, Some("times are taken as dates, such as 20261124 or 202611".to_owned()));
+    }
+    let (unit, reported) = match known {
         Some(unit) => (unit, None),
         None => guessed(&time),
     };
@@ -80,7 +77,23 @@ pub(crate) fn in_seconds(mut time: Vec<f64>, known: Option<Unit>) -> (Vec<f64>, 
         let (first, per) = (time.first().copied().unwrap_or(0.0), unit.per_second());
         time.iter_mut().for_each(|t| *t = (*t - first) / per + first / per);
     }
-    (time, told)
+    (time, reported)
+}
+
+/// Numbers that are all days, `20261124`, or months, `202611`, of years from 1500 to 2199, in seconds since 1970.
+fn dates(time: &[f64]) -> Option<Vec<f64>> {
+    let of = |number: f64| {
+        let whole = (number.fract() == 0.0 && number < 3e7).then_some(number as u32)?;
+        let day = if whole < 1_000_000 { 100 * whole + 1 } else { whole };
+        let date = NaiveDate::from_ymd_opt((day / 10_000) as i32, day / 100 % 100, day % 100)?;
+        (1500..2200).contains(&date.year()).then(|| begins(date))
+    };
+    if time.len() < 3 { None } else { time.iter().map(|number| of(*number)).collect() }
+}
+
+/// When a day begins, in seconds since 1970.
+fn begins(day: NaiveDate) -> f64 {
+    day.and_time(NaiveTime::MIN).and_utc().timestamp() as f64
 }
 
 fn guessed(time: &[f64]) -> (Unit, Option<String>) {
@@ -89,24 +102,24 @@ fn guessed(time: &[f64]) -> (Unit, Option<String>) {
     let since_1970 = [Unit::Seconds, Unit::Milliseconds, Unit::Microseconds, Unit::Nanoseconds];
     if let Some(unit) = since_1970.into_iter().find(|unit| (1e8..1e11).contains(&(first / unit.per_second())))
     {
-        let told =
+        let reported =
             (unit != Unit::Seconds).then(|| format!("times are taken as {} since 1970", unit.plural()));
-        return (unit, told);
+        return (unit, reported);
     }
     let whole = time.iter().all(|t| t.fract() == 0.0);
     let span = time.last().copied().unwrap_or(0.0) - time.first().copied().unwrap_or(0.0);
     let step = span / (time.len().max(2) - 1) as f64;
     let otherwise = Named("time_unit");
     if whole && step >= 1e6 {
-        let told = format!(
+        let reported = format!(
             "times are taken as nanoseconds, by the size of their steps ({otherwise} says otherwise)"
         );
-        return (Unit::Nanoseconds, Some(told));
+        return (Unit::Nanoseconds, Some(reported));
     }
-    let told = (whole && step >= 5.0).then(|| {
+    let reported = (whole && step >= 5.0).then(|| {
         format!("times are taken as seconds, in steps of about {step:.0} ({otherwise} says otherwise)")
     });
-    (Unit::Seconds, told)
+    (Unit::Seconds, reported)
 }
 
 /// A stamp in units of which `per_second` make a second, in seconds: whole seconds and the rest apart, so that no digit is lost
@@ -121,11 +134,14 @@ pub(super) fn split_seconds(stamp: i64, per_second: f64) -> f64 {
 
 /// A date and time in seconds since 1970, or a time of day in seconds since midnight. ISO 8601, with or without a zone (then
 /// UTC): `2026-11-24T08:30:00.25+01:00`, `2026-11-24 08:30:00`, `2026-11-24`, `08:30:00.25`, `20261124T083000Z`; also `2026/11/24`,
-/// `24.11.2026` with the day first, `08:30:00 PM`, and a quarter, `1974Q1`. What may be day or month, such as `01/02/2026`, is none.
+/// `24.11.2026` with the day first, `08:30:00 PM`, a month, `1974-01`, `1974M01` or `Jan-1974`, and a quarter, `1974Q1`. What may be day or month, such as `01/02/2026`, is none.
 pub(crate) fn date(text: &str) -> Option<f64> {
     let text = text.trim();
     if let Some((year, quarter)) = text.split_once('Q') {
         return quarter_begins(year.trim_end_matches(['-', ' ']), quarter);
+    }
+    if let Some(month) = month(text) {
+        return Some(begins(month));
     }
     let dots = text.bytes().filter(|byte| *byte == b'.').count();
     if !(text.contains([':', '-', '/', 'T']) || dots == 2)
@@ -170,13 +186,23 @@ pub(crate) fn date(text: &str) -> Option<f64> {
         .into_iter()
         .find_map(|format| NaiveDate::parse_from_str(text, format).ok().filter(has_year));
     if let Some(day) = day {
-        return Some(day.and_time(NaiveTime::MIN).and_utc().timestamp() as f64);
+        return Some(begins(day));
     }
     let of_day = ["%H:%M:%S%.f", "%I:%M:%S%.f %p", "%I:%M %p"]
         .into_iter()
         .find_map(|format| NaiveTime::parse_from_str(text, format).ok())?;
     let since = of_day.signed_duration_since(NaiveTime::MIN);
     Some(since.num_nanoseconds()? as f64 * 1e-9)
+}
+
+/// The first day of a month: `1974-01`, `1974M01`, `Jan-1974`. What has the signs of a longer date is not looked at: there are many.
+fn month(text: &str) -> Option<NaiveDate> {
+    if text.contains([':', '/', '.']) || text.matches('-').count() > 1 {
+        return None;
+    }
+    let first = format!("{text}-01");
+    let of = |format: &str| NaiveDate::parse_from_str(&first, format).ok().filter(has_year);
+    ["%Y-%m-%d", "%YM%m-%d", "%b-%Y-%d", "%b %Y-%d"].into_iter().find_map(of)
 }
 
 /// When a quarter of a year begins, in seconds since 1970.
@@ -189,7 +215,7 @@ fn quarter_begins(year: &str, quarter: &str) -> Option<f64> {
         _ => return None,
     };
     let day = NaiveDate::from_ymd_opt(year.parse().ok()?, month, 1).filter(has_year)?;
-    Some(day.and_time(NaiveTime::MIN).and_utc().timestamp() as f64)
+    Some(begins(day))
 }
 
 /// Whether the year has four digits: 1.2.3 is a version.
@@ -206,9 +232,9 @@ mod tests {
         for per in [1.0, 1e3, 1e6, 1e9] {
             let start = 1_464_818_234.0;
             let time: Vec<f64> = (0..5).map(|i| (start + 0.25 * f64::from(i)) * per).collect();
-            let (found, told) = in_seconds(time, None);
+            let (found, reported) = in_seconds(time, None);
             assert!((found[4] - found[0] - 1.0).abs() < 1e-6 && (found[0] - start).abs() < 1e-3, "{per}");
-            assert_eq!(told.is_some(), per > 1.0);
+            assert_eq!(reported.is_some(), per > 1.0);
         }
     }
 
@@ -221,10 +247,25 @@ mod tests {
         assert!(
             in_seconds(time(100.0), None)
                 .1
-                .is_some_and(|told| told.contains(&Named("time_unit").to_string()))
+                .is_some_and(|reported| reported.contains(&Named("time_unit").to_string()))
         );
         assert_eq!(in_seconds(time(100.0), Some(Unit::Milliseconds)), (time(0.1), None));
         assert_eq!(in_seconds(time(0.1), None), (time(0.1), None));
+    }
+
+    #[test]
+    fn numbers_that_are_all_dates_are_dates() {
+        let day = 86400.0;
+        assert_eq!(
+            in_seconds(vec![19700131.0, 19700201.0, 19700202.0], None).0,
+            [30.0 * day, 31.0 * day, 32.0 * day]
+        );
+        assert_eq!(in_seconds(vec![197001.0, 197002.0, 197003.0], None).0, [0.0, 31.0 * day, 59.0 * day]);
+        // A day that there is not, or a unit that is known: numbers.
+        for (last, known) in [(19700230.0, None), (19700203.0, Some(Unit::Seconds))] {
+            let time = vec![19700131.0, 19700201.0, last];
+            assert_eq!(in_seconds(time.clone(), known).0, time);
+        }
     }
 
     #[test]
@@ -243,6 +284,10 @@ mod tests {
             ("00:00:02.25", 2.25),
             ("1970Q2", 90.0 * 86400.0),
             ("1970-Q1", 0.0),
+            ("1970-02", 31.0 * 86400.0),
+            ("1970M02", 31.0 * 86400.0),
+            ("Feb-1970", 31.0 * 86400.0),
+            ("Feb 1970", 31.0 * 86400.0),
             ("19700102T000001Z", 86401.0),
             ("19700102T010001.5+0100", 86401.5),
             ("19700102T000001.5", 86401.5),
@@ -256,20 +301,8 @@ mod tests {
             assert_eq!(date(text), Some(seconds), "{text}");
         }
         for text in [
-            "",
-            "1.5",
-            "-3",
-            "walk-fast",
-            "3T",
-            "20261124",
-            "13:00 PM",
-            "12:30",
-            "01/02/1970 00:00:00",
-            "1.2.3",
-            "31.31.1970",
-            "0.1.0",
-            "1970Q5",
-            "Q1",
+            "", "1.5", "-3", "walk-fast", "3T", "20261124", "13:00 PM", "12:30", "01/02/1970 00:00:00",
+            "1.2.3", "31.31.1970", "0.1.0", "1970Q5", "Q1",
         ] {
             assert_eq!(date(text), None, "{text}");
         }

@@ -103,8 +103,8 @@ impl Agents {
             notes.push(format!("{doubles} rows are left out: the agent has one with the same time already"));
         }
         let tracks = || raw.iter().map(|(_, raw)| raw.samples.as_slice());
-        if let Some(told) = motion::degrees(tracks()) {
-            notes.push(told);
+        if let Some(reported) = motion::degrees(tracks()) {
+            notes.push(reported);
             raw.iter_mut().flat_map(|(_, raw)| &mut raw.samples).for_each(Sample::turn_into_radians);
         }
         raw.iter_mut().flat_map(|(_, raw)| &mut raw.samples).for_each(Sample::with_velocity);
@@ -349,8 +349,8 @@ fn times(
             order.sort_by(f64::total_cmp);
             order.dedup();
             let first = order.first().copied().unwrap_or(0.0);
-            let (seconds, told) = time::in_seconds(order.clone(), unit);
-            notes.extend(told);
+            let (seconds, reported) = time::in_seconds(order.clone(), unit);
+            notes.extend(reported);
             let (n, last) = (order.len(), order.last().copied().unwrap_or(0.0));
             let scale = if n > 1 { (seconds[n - 1] - seconds[0]) / (last - first) } else { 1.0 };
             let base = seconds.first().copied().unwrap_or(0.0);

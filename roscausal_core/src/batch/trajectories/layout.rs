@@ -6,7 +6,7 @@
 //! | named, wide | `time` or `frame`, and for each body `NAME x`, `NAME y` (motion capture: its centroid, or its markers) |
 //! | without names, 8 columns, times since 1970 | ATC: time, person, x, y, z, speed, angle of motion, angle of the face |
 //! | without names, 8 columns, otherwise | BIWI: frame, person, x, z, y, and the velocity in the same order |
-//! | without names, at least 4 columns | ETH and UCY: frame, person, x, y; JuPedSim and others: person, frame, x, y |
+//! | without names, 4 to 7 columns | ETH and UCY: frame, person, x, y; JuPedSim and others: person, frame, x, y |
 
 use std::collections::BTreeMap;
 
@@ -20,61 +20,24 @@ const ROLES: [(&str, &[&str]); 11] = [
     (
         "id",
         &[
-            "id",
-            "agent_id",
-            "ag_id",
-            "agent",
-            "agentid",
-            "person_id",
-            "personid",
-            "person",
-            "ped_id",
-            "pedestrian_id",
-            "pedestrian",
-            "ped",
-            "pid",
-            "track_id",
-            "trackid",
-            "track",
-            "object_id",
-            "obj_id",
-            "human_id",
-            "body_id",
-            "body",
-            "name",
+            "id", "agent_id", "ag_id", "agent", "agentid", "person_id", "personid", "person", "ped_id",
+            "pedestrian_id", "pedestrian", "ped", "pid", "track_id", "trackid", "track", "object_id",
+            "obj_id", "human_id", "body_id", "body", "name",
         ],
     ),
     ("frame", &["frame", "frame_id", "frameid", "frame_number", "frame_no", "frames", "framenumber", "fr"]),
     (
         "x",
         &[
-            "x",
-            "pos_x",
-            "position_x",
-            "x_pos",
-            "position.x",
-            "pose.position.x",
-            "xcenter",
-            "x_center",
-            "px",
-            "x_coord",
-            "position x",
+            "x", "pos_x", "position_x", "x_pos", "position.x", "pose.position.x", "xcenter", "x_center",
+            "px", "x_coord", "position x",
         ],
     ),
     (
         "y",
         &[
-            "y",
-            "pos_y",
-            "position_y",
-            "y_pos",
-            "position.y",
-            "pose.position.y",
-            "ycenter",
-            "y_center",
-            "py",
-            "y_coord",
-            "position y",
+            "y", "pos_y", "position_y", "y_pos", "position.y", "pose.position.y", "ycenter", "y_center",
+            "py", "y_coord", "position y",
         ],
     ),
     ("vx", &["vx", "v_x", "vel_x", "velocity_x", "x_vel", "xvelocity", "velocity.x", "x_velocity"]),
@@ -83,15 +46,8 @@ const ROLES: [(&str, &[&str]); 11] = [
     (
         "heading",
         &[
-            "heading",
-            "theta",
-            "yaw",
-            "angle",
-            "orientation",
-            "direction",
-            "motion_angle",
-            "angle of motion",
-            "psi",
+            "heading", "theta", "yaw", "angle", "orientation", "direction", "motion_angle",
+            "angle of motion", "psi",
         ],
     ),
     ("gx", &["gx", "goal_x", "x_goal", "goal.x"]),
@@ -125,7 +81,8 @@ pub(super) enum Layout {
 pub(super) fn is_header(words: &[String], given: &BTreeMap<String, String>) -> bool {
     let names: Vec<&str> = words.iter().map(String::as_str).collect();
     let are_numbers = names.iter().all(|name| name.parse::<f64>().is_ok());
-    !are_numbers && of_names(&names, given).is_ok()
+    let is_layout = |given: &BTreeMap<String, String>| of_names(&names, given).is_ok();
+    !are_numbers && (is_layout(given) || is_layout(&BTreeMap::new()))
 }
 
 /// The layout of a file.
@@ -137,7 +94,10 @@ pub(super) fn of(grid: &Grid, given: &BTreeMap<String, String>) -> Result<Layout
     }
     let width = grid.columns.len();
     let first = |column: usize| grid.columns.get(column).map_or(f64::NAN, |(_, column)| column.number(0));
-    if width < 4 || grid.columns.iter().take(4).any(|(_, column)| matches!(column, Column::Words(_))) {
+    // Ten, such as the boxes of the Stanford drones, are no known layout.
+    if !(4..=8).contains(&width)
+        || grid.columns.iter().take(4).any(|(_, column)| matches!(column, Column::Words(_)))
+    {
         return Err(format!(
             "no line has the names of the columns of trajectories; an agent's id, its time (or frame), x and y are needed, named \
              so or with {} id=NAME,time=NAME,x=NAME,y=NAME",

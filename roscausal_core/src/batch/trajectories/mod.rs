@@ -126,21 +126,25 @@ pub fn walks(
         }
         tables.push((agent.name.clone(), table));
     }
-    notes.push(scene.told(tables.len()));
-    notes.extend(out.told(choice.least_rows));
+    notes.push(scene.reported(tables.len()));
+    notes.extend(out.reported(choice.least_rows));
     notes.extend(
         emptied
             .into_iter()
             .map(|(what, count)| format!("{count} impossible values of '{what}' are left out")),
     );
     if tables.is_empty() {
+        let way = match out.brief.is_empty() {
+            true => String::new(),
+            false => {
+                format!("; choose a shorter step with {}, or a smaller {}", Named("dt"), Named("tau_max"))
+            }
+        };
         let reason = format!(
-            "nobody is there for {} rows of {} s and moves ({}); choose a shorter step with {}, or a smaller {}",
+            "nobody is there for {} rows of {} s and moves ({}){way}",
             choice.least_rows,
             scene.dt,
-            out.told(choice.least_rows).collect::<Vec<_>>().join("; "),
-            Named("dt"),
-            Named("tau_max")
+            out.reported(choice.least_rows).collect::<Vec<_>>().join("; ")
         );
         return Err(Error::file(path, reason));
     }
@@ -157,21 +161,21 @@ struct LeftOut<'a> {
 }
 
 impl LeftOut<'_> {
-    fn told(&self, least_rows: usize) -> impl Iterator<Item = String> {
+    fn reported(&self, least_rows: usize) -> impl Iterator<Item = String> {
         const MOST: usize = 20;
         let reasons = [
             (&self.stand, "they stand still all the time".to_owned()),
             (&self.brief, format!("they are there for fewer than {least_rows} rows")),
             (&self.double, "they have the rows of another one".to_owned()),
         ];
-        let told = |(names, why): (&Vec<&str>, String)| {
+        let reported = |(names, why): (&Vec<&str>, String)| {
             let more = if names.len() > MOST { ", ..." } else { "" };
             let listed = names.iter().take(MOST).copied().collect::<Vec<_>>().join(", ");
             let are = if names.len() == 1 { "agent is" } else { "agents are" };
             (!names.is_empty())
                 .then(|| format!("{} {are} left out, since {why}: {listed}{more}", names.len()))
         };
-        reasons.map(told).into_iter().flatten()
+        reasons.map(reported).into_iter().flatten()
     }
 }
 
@@ -233,7 +237,7 @@ impl<'a> Scene<'a> {
         Ok(Self { agents, robot, dt, max_gap, start: agents.start() })
     }
 
-    fn told(&self, chosen: usize) -> String {
+    fn reported(&self, chosen: usize) -> String {
         let other = Named("obstacle");
         let obstacle = match self.robot {
             Some(robot) => format!("the obstacle is {} ({other} names another)", robot.name),
@@ -253,8 +257,9 @@ impl<'a> Scene<'a> {
         match who.parse::<Select>() {
             Ok(Select::All) => Ok(people().collect()),
             Ok(Select::Nearest(number)) => {
+                let moving = people().filter(|agent| !agent.stands);
                 let mut by_distance: Vec<(f64, &Agent)> =
-                    people().map(|agent| Ok((self.usual_distance(agent)?, agent))).collect::<Result<_>>()?;
+                    moving.map(|agent| Ok((self.usual_distance(agent)?, agent))).collect::<Result<_>>()?;
                 by_distance.sort_by(|(one, _), (other, _)| one.total_cmp(other));
                 Ok(by_distance.into_iter().take(number).map(|(_, agent)| agent).collect())
             }

@@ -17,8 +17,9 @@ use crate::batch::table::median;
 
 /// How fast people walk in the middle, m/s.
 const WALK: std::ops::RangeInclusive<f64> = 0.2..=2.5;
-/// The middle of it.
-const USUAL_WALK: f64 = 1.2;
+/// The middle of it, and the fastest for which a rate that nothing tells is taken as that of ETH and UCY.
+const USUAL_WALK: f64 = 1.26;
+const BRISK: f64 = 1.6;
 /// Slower than this nobody moves who moves at all, m/s.
 const SLOWEST: f64 = 0.02;
 /// Frames per second of ETH and UCY.
@@ -64,13 +65,16 @@ pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, St
     let first = units[0];
     let metres = |rate: f64, unit: PositionUnit| usual * rate / unit.per_metre();
     let off = |rate: f64, unit: PositionUnit| (metres(rate, unit) / USUAL_WALK).ln().abs();
+    let is_known = !missing.rate || agreed.is_some();
+    let fits = |rate: f64, metres: f64| {
+        WALK.contains(&metres) && (is_known || rate != USUAL_RATE || metres <= BRISK)
+    };
     let best = |rates: &[f64], units: &[PositionUnit]| {
         let all = rates.iter().flat_map(|&rate| units.iter().map(move |&unit| (rate, unit)));
-        let fitting = all.filter(|&(rate, unit)| WALK.contains(&metres(rate, unit)));
+        let fitting = all.filter(|&(rate, unit)| fits(rate, metres(rate, unit)));
         fitting.min_by(|a, b| off(a.0, a.1).total_cmp(&off(b.0, b.1)))
     };
     let rate = if missing.rate { agreed.map_or(USUAL_RATE, nearest_rate) } else { 1.0 };
-    let is_known = !missing.rate || agreed.is_some();
     // The user's unit is taken as it is, and so are metres if people move at all.
     let slow = (SLOWEST..*WALK.start()).contains(&metres(rate, PositionUnit::Metres));
     let chosen = best(&[rate], &[first])
@@ -250,7 +254,7 @@ mod tests {
         let seconds = Missing { rate: false, unit: None };
         let in_seconds = |per: f64| of(&people(1.0, per, 5, false), &seconds);
         assert_eq!(in_seconds(1.0 / 0.3048).map(|found| found.unit), Ok(PositionUnit::Feet));
-        assert!(in_seconds(12.0).is_err_and(|told| told.contains("nobody walks so")));
+        assert!(in_seconds(12.0).is_err_and(|reported| reported.contains("nobody walks so")));
         let of_user = Missing { rate: false, unit: Some(PositionUnit::Metres) };
         assert!(of(&people(1.0, 40.0, 5, false), &of_user).is_ok());
     }

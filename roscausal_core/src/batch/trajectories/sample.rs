@@ -1,7 +1,5 @@
 //! What a row of a table of trajectories says of an agent, and in which unit.
 
-use std::str::FromStr;
-
 /// The unit of positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PositionUnit {
@@ -27,19 +25,9 @@ impl PositionUnit {
     }
 }
 
-impl FromStr for PositionUnit {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "m" => Ok(Self::Metres),
-            "cm" => Ok(Self::Centimetres),
-            "mm" => Ok(Self::Millimetres),
-            "ft" | "feet" => Ok(Self::Feet),
-            other => Err(format!("'{other}' is not a unit of positions; allowed: m, cm, mm, ft")),
-        }
-    }
-}
+roscausal_discovery::words!(
+    PositionUnit, "position_unit": Metres "m", Centimetres "cm", Millimetres "mm", Feet "ft" | "feet"
+);
 
 /// What a row says of an agent.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -142,9 +142,9 @@ fn agents_are_chosen_by_name_number_and_nearness() {
     assert_eq!(names("all"), ["7", "9"]);
     assert_eq!(names("nearest:1"), ["7"]);
     assert_eq!(names("9,7"), ["9", "7"]);
-    let told =
+    let reported =
         read(&content, &TrajectoryReading::default(), &choice("12")).err().expect("nobody").to_string();
-    assert!(told.contains("'12' is nobody in this table; it has 7, 9, robot"), "{told}");
+    assert!(reported.contains("'12' is nobody in this table; it has 7, 9, robot"), "{reported}");
     let walks = read(&content, &TrajectoryReading::default(), &choice("7")).expect("reads");
     assert!(walks.notes.iter().any(|note| note.contains("the obstacle is robot")), "{:?}", walks.notes);
     assert!(
@@ -172,4 +172,80 @@ fn what_is_no_such_table_is_one_sentence_with_the_way_out() {
     let columns = [("id", "ped"), ("time", "ts")].map(|(role, name)| (role.to_owned(), name.to_owned()));
     let reading = TrajectoryReading { columns: columns.into(), ..TrajectoryReading::default() };
     assert_eq!(one(&content, &reading).names, ["h_v"]);
+}
+
+/// Thirty invented people who come, walk some 1.3 m/s on a bend, and leave: `(second, id, [x, y], [vx, vy])`, each `step` seconds. The
+/// first two stand.
+fn crowd(step: f64) -> Vec<(f64, u32, [f64; 2], [f64; 2])> {
+    let mut samples = Vec::new();
+    for id in 1..=30_u32 {
+        let (begin, speed) = (f64::from(id) * 1.5, 1.1 + 0.02 * f64::from(id % 20));
+        let speed = if id <= 2 { 0.0 } else { speed };
+        let (turns, first) = (0.3 * (f64::from(id * 7 % 11) / 5.0 - 1.0), f64::from(id));
+        let mut place = [f64::from(id % 5), f64::from(id % 3)];
+        for row in 0..(12.0 / step) as u32 {
+            let heading = first + turns * f64::from(row) * step;
+            let velocity = [speed * heading.cos(), speed * heading.sin()];
+            let t = (begin / step).round() * step + f64::from(row) * step;
+            samples.push((t, id, place, velocity));
+            place = [0, 1].map(|axis| place[axis] + step * velocity[axis]);
+        }
+    }
+    samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+    samples
+}
+
+#[test]
+fn the_frame_rate_is_that_at_which_places_and_velocities_agree() {
+    let units = [
+        (PositionUnit::Metres, 1.0),
+        (PositionUnit::Centimetres, 100.0),
+        (PositionUnit::Millimetres, 1000.0),
+    ];
+    let rates = [2.5_f64, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0];
+    let sets = rates.iter().flat_map(|rate| units.map(|unit| (*rate, unit)));
+    for (rate, (_, per_metre)) in sets {
+        // A sample each frame, and some 0.4 s apart as in BIWI's `obsmat.txt`: frame, id, x, z, y, and the velocity.
+        for every in [1.0, f64::round(0.4 * rate)] {
+            let line = |(t, id, [x, y], [vx, vy]): (f64, u32, [f64; 2], [f64; 2])| {
+                let [x, y, vx, vy] = [x, y, vx, vy].map(|value| value * per_metre);
+                format!("{:.0} {id} {x:.4} 0 {y:.4} {vx:.4} 0 {vy:.4}\n", t * rate)
+            };
+            let content: String = crowd(every / rate).into_iter().map(line).collect();
+            let walks = read(&content, &TrajectoryReading::default(), &choice("all"))
+                .unwrap_or_else(|error| panic!("{rate} {per_metre}: {error}"));
+            let reported = walks.notes.join("\n");
+            assert!(
+                reported.contains(&format!("frames are taken as {rate} per second")),
+                "{per_metre} {every}: {reported}"
+            );
+            let (_, table) = &walks.tables[0];
+            let v = table.names.iter().position(|name| name == "h_v").expect("a speed");
+            let mut speeds = table.values.column(v).to_vec();
+            speeds.sort_by(f64::total_cmp);
+            assert!((1.0..1.6).contains(&speeds[speeds.len() / 2]), "{rate} {per_metre}: {speeds:?}");
+        }
+    }
+}
+
+#[test]
+fn scenes_as_of_eth_and_ucy_are_read_with_those_who_stand_left_out() {
+    // Frames 25 a second of which each tenth is annotated, by tabs, by spaces, and with whole numbers.
+    type Line = fn(f64, u32, f64, f64) -> String;
+    let layouts: [Line; 3] = [
+        |frame, id, x, y| format!("{frame:.1}\t{id}.0\t{x:.2}\t{y:.2}\n"),
+        |frame, id, x, y| format!("{frame:.0} {id} {x:.3} {y:.3}\n"),
+        |frame, id, x, y| format!("{id} {frame:.0} {x:.3} {y:.3}\n"),
+    ];
+    for (number, layout) in layouts.iter().enumerate() {
+        let line = |(t, id, [x, y], _): (f64, u32, [f64; 2], [f64; 2])| layout((t * 25.0).round(), id, x, y);
+        let content: String = crowd(0.4).into_iter().map(line).collect();
+        let reading = TrajectoryReading { last_is_goal: true, ..TrajectoryReading::default() };
+        let walks =
+            read(&content, &reading, &choice("all")).unwrap_or_else(|error| panic!("{number}: {error}"));
+        assert_eq!(walks.tables.len(), 28, "{number}: {:?}", walks.notes);
+        let reported = walks.notes.join("\n");
+        assert!(reported.contains("frames are taken as 25 per second"), "{number}: {reported}");
+        assert!(walks.tables.iter().all(|(name, _)| name != "1" && name != "2"), "{number}");
+    }
 }

@@ -97,6 +97,7 @@ pub struct Writer {
     batches: Option<SyncSender<Job>>,
     journal: Option<Arc<Journal>>,
     first_journal: u64,
+    waits: bool,
     _lock: File,
     thread: Option<JoinHandle<()>>,
     ending: Arc<AtomicBool>,
@@ -126,7 +127,15 @@ impl Writer {
             .map_err(|e| Error::Data(format!("no thread to write batches: {e}")))?;
         let batches = Some(sender);
         let first_journal = newest + 1;
-        Ok(Self { batches, journal, first_journal, _lock: lock, thread: Some(thread), ending, status })
+        let (thread, waits) = (Some(thread), false);
+        Ok(Self { batches, journal, first_journal, waits, _lock: lock, thread, ending, status })
+    }
+
+    /// Whether [`Self::write`] waits for room instead of losing a batch: where time waits, too.
+    #[must_use]
+    pub fn that_waits(mut self, waits: bool) -> Self {
+        self.waits = waits;
+        self
     }
 
     /// Number of the first journal, for [`super::recorder::Recorder::with_journal`]; `None` if no journal is kept.
@@ -146,13 +155,18 @@ impl Writer {
         self.journal.as_ref().map_or_else(JournalStatus::default, |journal| journal.status())
     }
 
-    /// Hands over a batch, with the number of its journal if it has one; returns at once.
+    /// Hands over a batch, with the number of its journal if it has one; returns at once, unless it [waits](Self::that_waits).
     pub fn write(&self, batch: Recording, journal: Option<u64>) {
         let Some(batches) = &self.batches else { return };
         let origin = journal.map_or(Origin::None, Origin::Open);
-        if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) =
-            batches.try_send(Job::new(batch, origin))
-        {
+        let job = Job::new(batch, origin);
+        let sent = match self.waits {
+            true => batches.send(job).map_err(|unsent| unsent.0),
+            false => batches
+                .try_send(job)
+                .map_err(|(TrySendError::Full(job) | TrySendError::Disconnected(job))| job),
+        };
+        if let Err(job) = sent {
             let mut status = self.lock();
             status.lost += 1;
             tracing::error!(

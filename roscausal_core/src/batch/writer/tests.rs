@@ -54,7 +54,7 @@ pub(super) fn built_in() -> Processing {
         obs_size: 2.0,
         safe_dist: 5.0,
         obstacle: crate::batch::postprocess::Obstacle::Robot,
-        features: Feature::parse(&[], &names).expect("the paper's"),
+        features: Feature::defaults(&names).expect("the paper's"),
     })
 }
 

@@ -23,9 +23,9 @@ pub(super) fn guarded<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, 
     static SILENCE: Once = Once::new();
     SILENCE.call_once(|| {
         let ordinary = panic::take_hook();
-        panic::set_hook(Box::new(move |told| {
+        panic::set_hook(Box::new(move |reported| {
             if !GUARDED.get() {
-                ordinary(told);
+                ordinary(reported);
             }
         }));
     });
@@ -47,8 +47,8 @@ mod tests {
 
     #[test]
     fn a_panic_is_an_error_and_an_answer_stays() {
-        let told = guarded::<()>(|| panic!("no page {}", 3));
-        assert_eq!(told, Err("no page 3".into()));
+        let reported = guarded::<()>(|| panic!("no page {}", 3));
+        assert_eq!(reported, Err("no page 3".into()));
         assert_eq!(guarded(|| Ok(7)), Ok(7));
         assert!(!GUARDED.get());
     }

@@ -13,7 +13,7 @@ mod numpy;
 
 use super::{
     Codes, Complaint, Note, Parsed, Reading, Table,
-    columns::{chosen, is_index, time_column},
+    columns::{is_index, one, read, time_column},
     time,
 };
 use crate::memory::Memory;
@@ -76,10 +76,7 @@ pub(in crate::batch::table) fn table(columns: Vec<(String, Column)>, reading: &R
     let time = time_place(&columns, &header, reading)?;
     let place = time.map(|(column, _)| column);
     let named = reading.columns.is_some();
-    let mut wanted = match &reading.columns {
-        Some(wanted) => chosen(&header, wanted, place).map_err(Complaint::Columns)?,
-        None => (0..header.len()).collect(),
-    };
+    let mut wanted = read(&header, reading, place)?;
     wanted.retain(|&column| {
         let index = header[column] == PANDAS_INDEX || is_index(&header[column]);
         named || (Some(column) != place && !index)
@@ -87,23 +84,22 @@ pub(in crate::batch::table) fn table(columns: Vec<(String, Column)>, reading: &R
     if wanted.is_empty() {
         return Err(Complaint::from("it has no columns besides the times; columns of variables are needed"));
     }
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     let mut numbers = Vec::new();
     for &column in &wanted {
-        numbers.push(as_numbers(&columns[column], reading, &mut told)?);
+        numbers.push(as_numbers(&columns[column], reading, &mut reported)?);
     }
     let rows = numbers.first().map_or(0, Vec::len);
     if rows == 0 {
         return Err(Complaint::from("it has no rows; rows of numbers are needed"));
     }
     let values = super::column_by_column(numbers, rows)?;
+    let is_made_up = |name: &String| name.strip_prefix("x_").is_some_and(|n| n.parse::<usize>().is_ok());
+    super::check_stands(header.iter().all(is_made_up), values.dim())?;
     let names: Vec<String> = wanted.iter().map(|&column| header[column].clone()).collect();
     let mut notes = Table::notes_on(&names, &values);
-    notes.splice(0..0, told);
-    let time = match time {
-        Some((column, unit)) => Some(seconds(&columns[column], reading, unit, &mut notes)?),
-        None => None,
-    };
+    notes.splice(0..0, reported);
+    let time = time.map(|(column, unit)| seconds(&columns[column], reading, unit, &mut notes)).transpose()?;
     Ok(Table { names, values, time, notes })
 }
 
@@ -116,8 +112,8 @@ fn time_place(
     match reading.time_column.as_deref() {
         Some("none") => return Ok(None),
         Some(name) => {
-            let found = chosen(header, &[name.to_owned()], None).map_err(Complaint::Columns)?;
-            return Ok(found.first().map(|&column| (column, None)));
+            let column = one(header, name).map_err(|reason| Complaint::Setting("time-column", reason))?;
+            return Ok(Some((column, None)));
         }
         None => {}
     }
@@ -132,7 +128,7 @@ fn time_place(
 fn as_numbers(
     (name, column): &(String, Column),
     reading: &Reading,
-    told: &mut Vec<Note>,
+    reported: &mut Vec<Note>,
 ) -> Parsed<Vec<f64>> {
     let numbers = match column {
         Column::Numbers(numbers) | Column::Times(numbers) => numbers.clone(),
@@ -141,7 +137,7 @@ fn as_numbers(
             let given: Vec<Option<f64>> =
                 words.iter().map(|word| word.as_deref().map(|word| codes.of(word))).collect();
             let sorted = codes.sorted();
-            told.push(Note::Read(format!("words of column '{name}' as codes: {}", codes.told())));
+            reported.push(Note::Read(format!("words of column '{name}' as codes: {}", codes.reported())));
             return Ok(given
                 .into_iter()
                 .map(|code| code.map_or(f64::NAN, |code| sorted[code as usize]))
@@ -184,7 +180,7 @@ fn seconds(
     unit: Option<time::Unit>,
     notes: &mut Vec<Note>,
 ) -> Parsed<Vec<f64>> {
-    let (times, told) = match column {
+    let (times, reported) = match column {
         Column::Times(times) => (times.clone(), None),
         Column::Numbers(numbers) => time::in_seconds(numbers.clone(), reading.time_unit.or(unit)),
         Column::Words(words) => {
@@ -206,7 +202,7 @@ fn seconds(
             )));
         }
     };
-    notes.extend(told.map(Note::Read));
+    notes.extend(reported.map(Note::Read));
     if let Some(row) = times.iter().position(|t| !t.is_finite()) {
         return Err(Complaint::File(format!(
             "row {}, column '{name}': the time is missing; remove the row",

@@ -378,7 +378,7 @@ mod tests {
             other("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999, 99999999999), }")
                 .contains("cut off")
         );
-        for (kind, shape, told) in [
+        for (kind, shape, reported) in [
             ("'<S0'", "(4611686018427387904,)", "not read"),
             ("'<f8'", "(0, 4611686018427387904)", "no rows"),
             ("'<f8'", "(4611686018427387904, 4611686018427387904)", "cut off"),
@@ -386,8 +386,8 @@ mod tests {
             ("'<S2147483648'", "(1,)", "not read"),
             ("'|b1'", "(1, 9223372036854775807)", "cut off"),
         ] {
-            let told_is = other(&format!("{{'descr': {kind}, 'fortran_order': True, 'shape': {shape}, }}"));
-            assert!(told_is.contains(told), "{kind} {shape}: {told_is}");
+            let message = other(&format!("{{'descr': {kind}, 'fortran_order': True, 'shape': {shape}, }}"));
+            assert!(message.contains(reported), "{kind} {shape}: {message}");
         }
         let wide = file("{'descr': '|b1', 'fortran_order': True, 'shape': (1, 200000), }", &[0; 200_000]);
         assert!(array(&wide, most()).err().expect("refused").contains("200000 columns"));

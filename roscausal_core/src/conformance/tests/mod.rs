@@ -1,9 +1,9 @@
 //! What every [`Middleware`] must do, as functions that assert it. Implementations call them in their tests.
 //!
-//! Each law is a function whose name is the claim. [`middleware_laws`] runs all laws that hold on any middleware. A
-//! law waits until its claim has come true, with a time-out, because discovery and delivery take time. For what
+//! Each conformance test is a function whose name is the claim. [`middleware_conformance`] runs all that hold on any middleware. A
+//! test waits until its claim has come true, with a time-out, because discovery and delivery take time. For what
 //! must not happen it waits [`QUIET`].
-#![allow(clippy::panic, reason = "a law that is broken fails the test that calls it")]
+#![allow(clippy::panic, reason = "a claim that does not hold fails the test that calls it")]
 
 mod parameters;
 mod services;
@@ -29,19 +29,19 @@ use crate::{
     middleware::{Middleware, Publish, Qos},
 };
 
-/// How long a law waits for what must happen.
+/// How long a test waits for what must happen.
 pub const PATIENCE: Duration = Duration::from_secs(15);
-/// How long a law waits for what must not happen.
+/// How long a test waits for what must not happen.
 pub const QUIET: Duration = Duration::from_millis(300);
 
-/// Runs all laws. `new_node` joins as a node of the given name, with no parameter set. `settle` lets messages
+/// Runs all conformance tests. `new_node` joins as a node of the given name, with no parameter set. `settle` lets messages
 /// arrive and time pass: at least a millisecond on the nodes' clock. It may return before everything has arrived.
 ///
 /// [`absolute_parameters_are_shared`] is not included, because every ROS 2 parameter belongs to a node.
 ///
 /// # Panics
-/// If a law is broken, with the law and what happened.
-pub fn middleware_laws<M: Middleware>(new_node: impl Fn(&str) -> M, settle: impl Fn()) {
+/// If one fails, with its claim and what happened.
+pub fn middleware_conformance<M: Middleware>(new_node: impl Fn(&str) -> M, settle: impl Fn()) {
     let (node, settle) = (&new_node, &settle);
     every_subscriber_hears_every_message_in_order(node, settle);
     two_publishers_of_a_topic_are_both_heard(node, settle);

@@ -63,8 +63,8 @@ pub fn every_caller_gets_its_own_answers<M: Middleware>(node: &impl Fn(&str) -> 
             let near = near.clone();
             scope.spawn(move || {
                 for number in 10 * caller..10 * caller + 4 {
-                    let told = must(ask(&near, "/own_answers", "x", number), "a question is answered");
-                    assert_eq!(told, [f64::from(number)], "the answer belongs to the question");
+                    let reported = must(ask(&near, "/own_answers", "x", number), "a question is answered");
+                    assert_eq!(reported, [f64::from(number)], "the answer belongs to the question");
                 }
             });
         }
@@ -78,12 +78,15 @@ pub fn a_late_answer_holds_up_no_other<M: Middleware>(node: &impl Fn(&str) -> M)
     thread::scope(|scope| {
         let waiting = scope.spawn(|| must(ask(&slow, "/late_answers", "slow", 1), "a late answer arrives"));
         let (request, reply) = wait_for_one(&open);
-        let told =
+        let reported =
             must(ask(&quick, "/late_answers", "x", 2), "a question is answered while another one is open");
-        assert_eq!(told, [2.0]);
+        assert_eq!(reported, [2.0]);
         assert!(!waiting.is_finished(), "the late answer has not been given yet");
         reply.send(answer(&request));
-        assert!(waiting.join().is_ok_and(|told| told == [1.0]), "the late answer is that of its question");
+        assert!(
+            waiting.join().is_ok_and(|reported| reported == [1.0]),
+            "the late answer is that of its question"
+        );
     });
 }
 
@@ -102,7 +105,7 @@ pub fn no_answer_is_an_error<M: Middleware>(node: &impl Fn(&str) -> M) {
         let (_, reply) = wait_for_one(&open);
         drop(offer);
         drop(reply);
-        assert!(waiting.join().is_ok_and(|told| told.is_err()), "the end of a service is an error");
+        assert!(waiting.join().is_ok_and(|reported| reported.is_err()), "the end of a service is an error");
     });
     assert!(call("/nobody_offers_it", "x").is_err(), "a service that nobody offers is an error");
     assert!(start.elapsed() < 3 * PATIENT + PATIENCE, "a caller waits no longer than it wants to");

@@ -7,7 +7,7 @@ use crate::{
 };
 
 fn spec(name: &'static str, default: Value) -> ParamSpec {
-    ParamSpec::new(name, default, Allowed::Any, "of the laws")
+    ParamSpec::new(name, default, Allowed::Any, "of the conformance tests")
 }
 
 /// A parameter that nobody has set is `None`, whatever its default.

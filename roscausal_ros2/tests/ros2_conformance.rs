@@ -1,9 +1,9 @@
-//! The laws of the middleware, on real DDS over the loopback interface.
+//! The conformance tests of the middleware, on real DDS over the loopback interface.
 #![allow(clippy::expect_used, reason = "a node that does not start fails the test")]
 
 use std::{thread::sleep, time::Duration};
 
-use roscausal_core::laws;
+use roscausal_core::conformance;
 use roscausal_ros2::{Args, Ros2};
 
 fn node(name: &str) -> Ros2 {
@@ -19,5 +19,5 @@ fn node(name: &str) -> Ros2 {
 
 #[test]
 fn ros2_is_a_middleware() {
-    laws::middleware_laws(node, || sleep(Duration::from_millis(5)));
+    conformance::middleware_conformance(node, || sleep(Duration::from_millis(5)));
 }

@@ -1,0 +1,5 @@
+//! What every implementation of a middleware must do.
+
+mod tests;
+
+pub use tests::*;
