@@ -1,9 +1,9 @@
 //! When two moving bodies are on collision course, and how risky that is. It is the paper's post-processing; the
-//! scripted person uses it as her perception, and the node publishes it as `/hri/risk`.
+//! scripted person uses it as their perception, and the node publishes it as `/hri/risk`.
 
 use crate::geometry::Vec2;
 
-/// A person (A) and what she may collide with (B): positions and velocities in one frame.
+/// A person (A) and what they may collide with (B): positions and velocities in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
     /// Position of the person.
@@ -24,7 +24,7 @@ impl Approach {
         (offset.norm(), self.velocity.dot(towards), self.velocity.cross(towards))
     }
 
-    /// Whether the person's position one second ahead lies in the triangle from her to the other, widened by
+    /// Whether the person's position one second ahead lies in the triangle from them to the other, widened by
     /// `size`, and the other is nearer than `safe_distance`.
     pub fn is_collision_course(&self, size: f64, safe_distance: f64) -> bool {
         let (distance, along, across) = self.parts();

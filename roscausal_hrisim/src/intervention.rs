@@ -21,7 +21,7 @@ pub enum Target {
     RobotSpeed(f64),
     /// The robot stands still.
     RobotOff,
-    /// The person's speed, m/s, whatever she intends.
+    /// The person's speed, m/s, whatever they intend.
     HumanV(f64),
     /// The person's goal, in the map frame.
     HumanGoal(Vec2),
@@ -208,8 +208,8 @@ mod tests {
         scenario.add_interventions(&texts).unwrap();
         let written: Vec<String> = scenario.interventions.iter().map(Intervention::to_string).collect();
         assert_eq!(written, ["human.goal=3,-4@0..30", "robot.off@5..6"]);
-        let said = scenario.add_interventions(&["robot.fly".to_owned()]).unwrap_err().to_string();
-        assert!(said.contains("'do'") && said.contains("robot.speed"), "{said}");
+        let stated = scenario.add_interventions(&["robot.fly".to_owned()]).unwrap_err().to_string();
+        assert!(stated.contains("'do'") && stated.contains("robot.speed"), "{stated}");
     }
 
     #[test]
@@ -228,8 +228,8 @@ mod tests {
             ("", "no field"),
         ];
         for (text, reason) in cases {
-            let said = text.parse::<Intervention>().unwrap_err();
-            assert!(said.contains(reason) && said.contains("use robot.speed"), "{text}: {said}");
+            let stated = text.parse::<Intervention>().unwrap_err();
+            assert!(stated.contains(reason) && stated.contains("use robot.speed"), "{text}: {stated}");
         }
     }
 

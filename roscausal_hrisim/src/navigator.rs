@@ -19,19 +19,20 @@ pub(crate) struct Navigator {
 
 impl Navigator {
     /// The route from `from` to `goal`; a straight line if there is no route.
-    pub(crate) fn new(world: &World, from: Vec2, goal: Vec2) -> Self {
+    fn new(world: &World, from: Vec2, goal: Vec2) -> Self {
         let mut corners = world.route(from, goal).unwrap_or_else(|| vec![goal]);
         corners.reverse();
         Self { goal, corners }
     }
 
-    /// The end of the route.
-    pub(crate) fn goal(&self) -> Vec2 {
-        self.goal
+    /// The next place on the way from `position` to `goal`: on the way that is known, or a new one.
+    pub(crate) fn next(way: &mut Option<Self>, world: &World, position: Vec2, goal: Vec2, step: u64) -> Vec2 {
+        let known = way.take().filter(|way| way.goal == goal);
+        way.insert(known.unwrap_or_else(|| Self::new(world, position, goal))).target(world, position, step)
     }
 
     /// The point to walk to now: the farthest corner in sight.
-    pub(crate) fn target(&mut self, world: &World, position: Vec2, step: u64) -> Vec2 {
+    fn target(&mut self, world: &World, position: Vec2, step: u64) -> Vec2 {
         while self.corners.len() > 1 {
             let passed = self.corners[self.corners.len() - 1].distance(position) < PASSED;
             let looks = step.is_multiple_of(LOOK_EVERY);

@@ -57,10 +57,7 @@ impl Pedestrian {
 
     /// Moves by one step of semi-implicit Euler under `force` plus [`desired`].
     fn step(&mut self, dt: f64, step: u64, world: &World, force: Vec2) {
-        if self.navigator.as_ref().is_none_or(|way| way.goal() != self.goal) {
-            self.navigator = Some(Navigator::new(world, self.position, self.goal));
-        }
-        let target = self.navigator.as_mut().map_or(self.goal, |way| way.target(world, self.position, step));
+        let target = Navigator::next(&mut self.navigator, world, self.position, self.goal, step);
         let pull = desired(self.v_max, (target - self.position).unit(), self.velocity);
         self.velocity = (self.velocity + (pull + force) * dt).at_most(self.v_max);
         let before = self.position;

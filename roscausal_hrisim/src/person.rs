@@ -1,7 +1,7 @@
-//! The person of the paper: she walks from goal to goal, slows down near them, brakes for a robot and goes around
+//! The person of the paper, who walks from goal to goal, slows down near them, brakes for a robot and goes around
 //! it.
 //!
-//! She is modelled as a unicycle. She decides on what she saw `reaction` seconds ago. Her body follows with limited
+//! The person is a unicycle. It decides on what it saw `reaction` seconds ago. The body follows with limited
 //! acceleration and turning rate.
 
 use std::collections::VecDeque;
@@ -16,68 +16,46 @@ use crate::{
     world::World,
 };
 
-/// How a person walks.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct PersonParams {
-    /// Speed far from the goal, m/s.
-    pub speed: f64,
-    /// Maximum acceleration, m/s2.
-    pub acceleration: f64,
-    /// Maximum deceleration, m/s2.
-    pub braking: f64,
-    /// Maximum turning rate, rad/s.
-    pub turn_rate: f64,
-    /// Heading error at which she stops to turn, radians.
-    pub turn_in_place: f64,
-    /// Whether turning slows her down. If not, she turns as fast as her speed requires.
-    pub slows_in_turns: bool,
-    /// She slows down when the goal is nearer than this, metres; 0: never.
-    pub slow_distance: f64,
-    /// Fraction of `speed` that remains at the goal. In between, speed is linear in the distance.
-    pub slow_floor: f64,
-    /// Her goal is reached within this distance, metres.
-    pub arrival: f64,
-    /// Delay between seeing and acting, seconds.
-    pub reaction: f64,
-    /// Whether she gives way to robots and people.
-    pub avoids: bool,
-    /// Half-width of the triangle within which she brakes for a robot, and distance that she keeps from it, metres.
-    pub robot_radius: f64,
-    /// She brakes for robots nearer than this, metres.
-    pub brake_within: f64,
-    /// Fraction of `speed` that remains when braking.
-    pub brake_to: f64,
-    /// She steers around robots nearer than this, metres.
-    pub steer_within: f64,
-    /// How irregular her pace is. She walks slower than she intends by this fraction times the absolute value of a
-    /// standard normal, which changes over `pace_time`.
-    pub pace_sd: f64,
-    /// Correlation time of her pace, seconds.
-    pub pace_time: f64,
-}
-
-impl Default for PersonParams {
-    fn default() -> Self {
-        Self {
-            speed: 1.5,
-            acceleration: 0.7,
-            braking: 0.7,
-            turn_rate: 0.45,
-            turn_in_place: 0.8,
-            slows_in_turns: true,
-            slow_distance: 4.0,
-            slow_floor: 0.43,
-            arrival: 0.5,
-            reaction: 0.4,
-            avoids: true,
-            robot_radius: 2.0,
-            brake_within: 5.0,
-            brake_to: 0.3,
-            steer_within: 3.5,
-            pace_sd: 0.04,
-            pace_time: 2.0,
-        }
+roscausal_core::with_defaults! {
+    /// How a person walks.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct PersonParams {
+        /// Speed far from the goal, m/s.
+        pub speed: f64 = 1.5,
+        /// Maximum acceleration, m/s2.
+        pub acceleration: f64 = 0.7,
+        /// Maximum deceleration, m/s2.
+        pub braking: f64 = 0.7,
+        /// Maximum turning rate, rad/s.
+        pub turn_rate: f64 = 0.45,
+        /// Heading error at which the person stops to turn, radians.
+        pub turn_in_place: f64 = 0.8,
+        /// Whether turning slows them down. If not, the person turns as fast as their speed requires.
+        pub slows_in_turns: bool = true,
+        /// The person slows down when the goal is nearer than this, metres; 0: never.
+        pub slow_distance: f64 = 4.0,
+        /// Fraction of `speed` that remains at the goal. In between, speed is linear in the distance.
+        pub slow_floor: f64 = 0.43,
+        /// Their goal is reached within this distance, metres.
+        pub arrival: f64 = 0.5,
+        /// Delay between seeing and acting, seconds.
+        pub reaction: f64 = 0.4,
+        /// Whether the person gives way to robots and people.
+        pub avoids: bool = true,
+        /// Half-width of the triangle within which the person brakes for a robot, and distance that the person keeps from it, metres.
+        pub robot_radius: f64 = 2.0,
+        /// The person brakes for robots nearer than this, metres.
+        pub brake_within: f64 = 5.0,
+        /// Fraction of `speed` that remains when braking.
+        pub brake_to: f64 = 0.3,
+        /// The person steers around robots nearer than this, metres.
+        pub steer_within: f64 = 3.5,
+        /// How irregular their pace is. The person walks slower than intended by this fraction times the absolute value of a
+        /// standard normal, which changes over `pace_time`.
+        pub pace_sd: f64 = 0.04,
+        /// Correlation time of their pace, seconds.
+        pub pace_time: f64 = 2.0,
     }
 }
 
@@ -87,7 +65,7 @@ const PERSON_RADIUS: f64 = 0.7;
 const PERSON_RANGE: f64 = 2.5;
 /// Radius of the body against walls, metres.
 const BODY_RADIUS: f64 = 0.25;
-/// Radius of the turning circle of a person who does not slow down in turns, metres: she always reaches her goal.
+/// Radius of the turning circle of a person who does not slow down in turns, metres: the person always reaches their goal.
 const TURNING_CIRCLE: f64 = 0.3;
 
 /// A moving body, as a person sees it.
@@ -105,7 +83,7 @@ struct Wish {
     heading: f64,
 }
 
-/// A command from outside that replaces her own decisions.
+/// A command from outside that replaces their own decisions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Teleop {
     /// Forward speed, m/s.
@@ -119,7 +97,7 @@ pub struct Teleop {
 pub struct Person {
     /// Track id.
     pub id: u32,
-    /// How she walks.
+    /// How the person walks.
     pub params: PersonParams,
     /// Position in the map frame, metres.
     pub position: Vec2,
@@ -129,15 +107,15 @@ pub struct Person {
     pub v: f64,
     /// Turning rate, rad/s.
     pub omega: f64,
-    /// Her goal in the map frame.
+    /// Their goal in the map frame.
     pub goal: Vec2,
     /// Goals reached so far.
     pub goals_reached: u64,
-    /// If set, it replaces her own decisions.
+    /// If set, it replaces their own decisions.
     pub teleop: Option<Teleop>,
     wishes: VecDeque<Wish>,
     pace: f64,
-    /// The side on which she passes an obstacle: 1 left, -1 right. It stays the same during one encounter.
+    /// The side on which the person passes an obstacle: 1 left, -1 right. It stays the same during one encounter.
     side: Option<f64>,
     navigator: Option<Navigator>,
     rng: Rng,
@@ -170,7 +148,12 @@ impl Person {
         Vec2::polar(self.v, self.theta)
     }
 
-    /// Whether she is within `arrival` of the goal.
+    /// The person and what they may collide with.
+    pub fn approach(&self, other_position: Vec2, other_velocity: Vec2) -> Approach {
+        Approach { position: self.position, velocity: self.velocity(), other_position, other_velocity }
+    }
+
+    /// Whether the person is within `arrival` of the goal.
     pub fn has_arrived(&self) -> bool {
         self.position.distance(self.goal) <= self.params.arrival
     }
@@ -200,7 +183,7 @@ impl Person {
         self.position = world.moved(self.position, wanted, BODY_RADIUS);
     }
 
-    /// What she intended `reaction` seconds ago.
+    /// What the person intended `reaction` seconds ago.
     fn delayed_wish(&mut self, dt: f64, step: u64, world: &World, others: &[Body]) -> Wish {
         let wish = self.wish(dt, step, world, others);
         let delay = (self.params.reaction / dt).round() as usize;
@@ -215,13 +198,7 @@ impl Person {
         let p = &self.params;
         let keep = (-dt / p.pace_time).exp();
         self.pace = keep * self.pace + (1.0 - keep * keep).sqrt() * self.rng.normal();
-        if self.navigator.as_ref().is_none_or(|way| way.goal() != self.goal) {
-            self.navigator = Some(Navigator::new(world, self.position, self.goal));
-        }
-        let target = match &mut self.navigator {
-            Some(way) => way.target(world, self.position, step),
-            None => self.goal,
-        };
+        let target = Navigator::next(&mut self.navigator, world, self.position, self.goal, step);
         let mut heading = (target - self.position).angle();
         if self.has_arrived() {
             return Wish { v: 0.0, heading: self.theta };
@@ -241,13 +218,7 @@ impl Person {
 
     fn brakes_for(&self, other: &Body) -> bool {
         let (radius, range) = self.reach(other, self.params.brake_within);
-        let approach = Approach {
-            position: self.position,
-            velocity: self.velocity(),
-            other_position: other.position,
-            other_velocity: other.velocity,
-        };
-        approach.is_collision_course(radius, range)
+        self.approach(other.position, other.velocity).is_collision_course(radius, range)
     }
 
     /// The distance to keep from a body, and the distance at which it matters.

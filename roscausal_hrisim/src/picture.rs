@@ -194,7 +194,7 @@ fn legend(y: f64, with_crowd: bool) -> String {
         "<g transform=\"translate(168 {y:.0})\"><path d=\"M -5 -5 L 5 5 M -5 5 L 5 -5\" stroke=\"{PERSON}\" \
          stroke-width=\"2\"/></g>"
     );
-    out += &word(178.0, "her goal");
+    out += &word(178.0, "their goal");
     if with_crowd {
         out += &(dot(252.0, CROWD, 4.0) + &word(262.0, "other people"));
     }

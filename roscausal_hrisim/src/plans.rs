@@ -23,7 +23,7 @@ const CENTRE_AREAS: [[Vec2; 3]; 2] =
     [[p(3.5, -5.0), p(-5.0, 3.5), p(-6.5, -6.5)], [p(5.0, -3.5), p(-3.5, 5.0), p(6.5, 6.5)]];
 const CENTRE_WAYPOINTS: [Vec2; 2] = [p(-5.0, 5.0), p(5.0, -5.0)];
 
-/// The areas of a person's goals: her own, or those of the plan. Empty in a crowd: anywhere.
+/// The areas of a person's goals: their own, or those of the plan. Empty in a crowd: anywhere.
 pub(crate) fn person_areas(scenario: &Scenario, person: usize) -> Vec<Area> {
     let own = scenario.people.get(person).map_or(&[][..], |spec| &spec.areas);
     if !own.is_empty() {

@@ -12,37 +12,25 @@ use crate::{
 /// Below this speed it stands, m/s.
 const STANDING: f64 = 1e-3;
 
-/// How a robot drives.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct RobotParams {
-    /// Top speed, m/s.
-    pub speed: f64,
-    /// Top turning rate, rad/s.
-    pub turn_rate: f64,
-    /// Acceleration and braking, m/s2.
-    pub acceleration: f64,
-    /// Shortest and longest stop at a waypoint, seconds.
-    pub pause: [f64; 2],
-    /// Heading error at which it stops to turn, radians.
-    pub turn_in_place: f64,
-    /// A waypoint is reached within this distance, metres.
-    pub arrival: f64,
-    /// It stops for anybody within this distance ahead, metres; 0: never.
-    pub stop_distance: f64,
-}
-
-impl Default for RobotParams {
-    fn default() -> Self {
-        Self {
-            speed: 0.5,
-            turn_rate: 0.6,
-            acceleration: 0.5,
-            pause: [0.5, 1.0],
-            turn_in_place: 1.7,
-            arrival: 0.15,
-            stop_distance: 0.8,
-        }
+roscausal_core::with_defaults! {
+    /// How a robot drives.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct RobotParams {
+        /// Top speed, m/s.
+        pub speed: f64 = 0.5,
+        /// Top turning rate, rad/s.
+        pub turn_rate: f64 = 0.6,
+        /// Acceleration and braking, m/s2.
+        pub acceleration: f64 = 0.5,
+        /// Shortest and longest stop at a waypoint, seconds.
+        pub pause: [f64; 2] = [0.5, 1.0],
+        /// Heading error at which it stops to turn, radians.
+        pub turn_in_place: f64 = 1.7,
+        /// A waypoint is reached within this distance, metres.
+        pub arrival: f64 = 0.15,
+        /// It stops for anybody within this distance ahead, metres; 0: never.
+        pub stop_distance: f64 = 0.8,
     }
 }
 
@@ -146,10 +134,7 @@ impl Robot {
         }
         self.pass_waypoint();
         let goal = self.goal();
-        if self.navigator.as_ref().is_none_or(|way| way.goal() != goal) {
-            self.navigator = Some(Navigator::new(world, self.position, goal));
-        }
-        let target = self.navigator.as_mut().map_or(goal, |way| way.target(world, self.position, step));
+        let target = Navigator::next(&mut self.navigator, world, self.position, goal, step);
         let error = wrap((target - self.position).angle() - self.theta);
         let omega = error / (2.0 * dt).max(0.2);
         let blocked = people.iter().any(|person| self.is_ahead(*person));

@@ -3,7 +3,6 @@
 use roscausal_core::{Error, Result};
 
 use crate::{
-    collision::Approach,
     geometry::Vec2,
     intervention::{Intervention, Target},
     pedestrian::{Crowd, Pedestrian, group_sizes},
@@ -254,7 +253,7 @@ impl Simulation {
         columns
     }
 
-    /// Drives a person by hand from now on; `None` lets her walk on her own again.
+    /// Drives a person by hand from now on; `None` lets them walk on their own again.
     ///
     /// # Errors
     /// No person with that id, or a speed that is not finite.
@@ -276,20 +275,14 @@ impl Simulation {
         }
     }
 
-    /// A person's risk of collision with the nearest robot, by the paper's formula with weight v/10 for her own
+    /// A person's risk of collision with the nearest robot, by the paper's formula with weight v/10 for their own
     /// speed. Without robots it is that weight alone.
     pub fn risk(&self, person: &Person, size: f64, safe_distance: f64) -> f64 {
         let own = person.v / 10.0;
         let distance = |robot: &&Robot| robot.position.distance(person.position);
         let nearest = self.robots.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
         nearest.map_or(own.exp(), |robot| {
-            let approach = Approach {
-                position: person.position,
-                velocity: person.velocity(),
-                other_position: robot.position,
-                other_velocity: robot.velocity(),
-            };
-            approach.risk(own, size, safe_distance)
+            person.approach(robot.position, robot.velocity()).risk(own, size, safe_distance)
         })
     }
 }
@@ -453,8 +446,8 @@ mod tests {
     fn overlapping_interventions_are_refused_while_running_too() {
         let mut simulation = Simulation::new(&Scenario::default(), 1).unwrap();
         simulation.intervene("robot.speed=0.2@5..9".parse().unwrap()).unwrap();
-        let said = simulation.intervene("robot.off@8..".parse().unwrap()).unwrap_err().to_string();
-        assert!(said.contains("overlaps"), "{said}");
+        let stated = simulation.intervene("robot.off@8..".parse().unwrap()).unwrap_err().to_string();
+        assert!(stated.contains("overlaps"), "{stated}");
         assert_eq!(simulation.interventions().len(), 1);
     }
 

@@ -3,7 +3,7 @@
 
 use roscausal_core::Result;
 
-use crate::{Scenario, Simulation, collision::Approach, simulation::STEP};
+use crate::{Scenario, Simulation, simulation::STEP};
 
 /// Distances to the goal between which the mean speed is taken, metres.
 pub const BANDS: [(f64, f64); 4] = [(4.0, 6.0), (2.0, 3.0), (1.0, 1.5), (0.5, 1.0)];
@@ -30,7 +30,7 @@ pub struct Encounter {
 pub struct Statistics {
     /// Goals reached.
     pub goals: u64,
-    /// Mean speed in each of [`BANDS`], m/s; NaN if she never was there.
+    /// Mean speed in each of [`BANDS`], m/s; NaN if the person never was there.
     pub speeds: [f64; 4],
     /// Highest speed of the person, m/s.
     pub top_speed: f64,
@@ -76,12 +76,7 @@ impl Statistics {
             found.top_acceleration = found.top_acceleration.max(change);
             last_speed = Some(person.v);
             if let Some(robot) = simulation.robots.first() {
-                let approach = Approach {
-                    position: person.position,
-                    velocity: person.velocity(),
-                    other_position: robot.position,
-                    other_velocity: robot.velocity(),
-                };
+                let approach = person.approach(robot.position, robot.velocity());
                 let on_course = approach.is_collision_course(2.0, 5.0);
                 course += u64::from(on_course);
                 found.meet(time, on_course, person.v, person.position.distance(robot.position));
@@ -167,7 +162,7 @@ mod tests {
         scenario.people[0].walk.avoids = false;
         let met: Vec<Encounter> = runs(&scenario).into_iter().flat_map(|run| run.encounters).collect();
         let dips = met.iter().filter(|one| one.least_speed < 0.5).count();
-        assert!(dips * 10 <= met.len() * 3, "{dips} of {}: only at her goals", met.len());
+        assert!(dips * 10 <= met.len() * 3, "{dips} of {}: only at their goals", met.len());
     }
 
     #[test]

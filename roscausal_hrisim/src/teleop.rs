@@ -21,7 +21,7 @@ use roscausal_core::{
     middleware::{Middleware, Publish, Qos},
 };
 use roscausal_msgs::{
-    geometry_msgs::{PoseWithCovarianceStamped, Twist, Vector3},
+    geometry_msgs::{Pose, PoseWithCovarianceStamped, Twist, Vector3},
     pedsim_msgs::{AgentStates, TrackedPersons},
     std_msgs::{Float64, String as Text},
 };
@@ -43,7 +43,7 @@ const KEYS: [&str; 9] = [
     "r resume",
     "n step",
     "0 reset",
-    "o she walks by herself",
+    "o the person walks alone",
     "q quit",
 ];
 
@@ -197,7 +197,7 @@ pub fn teleop<M: Middleware>(mw: &M) -> Result<()> {
     let _inputs = subscribe(mw, &inbox)?;
     let _screen = Screen::open()?;
     let fault = |e: std::io::Error| Error::Data(format!("the terminal is gone: {e}"));
-    let (mut view, mut now, mut said) = (View::default(), Teleop::default(), String::new());
+    let (mut view, mut now, mut stated) = (View::default(), Teleop::default(), String::new());
     let mut drawn: Option<Instant> = None;
     while mw.is_ok() {
         while let Next::Event(event) = inbox.next(mw, Some(mw.now())) {
@@ -211,7 +211,7 @@ pub fn teleop<M: Middleware>(mw: &M) -> Result<()> {
         if drawn.is_none_or(|drawn| drawn.elapsed() >= REDRAW) {
             drawn = Some(Instant::now());
             let (columns, rows) = terminal::size().map_err(fault)?;
-            let status = format!("{:.1} m/s  {:+.1} rad/s  {said}", now.v, now.omega);
+            let status = format!("{:.1} m/s  {:+.1} rad/s  {stated}", now.v, now.omega);
             Screen::draw(&picture(&view, status, columns.into(), rows.into())).map_err(fault)?;
         }
         if !event::poll(REDRAW / 5).map_err(fault)? {
@@ -229,15 +229,15 @@ pub fn teleop<M: Middleware>(mw: &M) -> Result<()> {
                 let mut twist = Twist { linear: Vector3 { x: wish.v, y: 0.0, z: 0.0 }, ..Twist::default() };
                 twist.angular.z = wish.omega;
                 drive.publish(&twist)?;
-                said = "you drive".into();
+                stated = "you drive".into();
             }
             Some(Action::Scale(factor)) => {
                 scale.publish(&Float64 { data: factor })?;
-                said = format!("robot speed x {factor}");
+                stated = format!("robot speed x {factor}");
             }
             Some(Action::Control(word)) => {
                 control.publish(&Text { data: word.to_owned() })?;
-                said = word.to_owned();
+                stated = word.to_owned();
             }
         }
     }
@@ -246,25 +246,15 @@ pub fn teleop<M: Middleware>(mw: &M) -> Result<()> {
 
 fn subscribe<M: Middleware>(mw: &M, inbox: &Inbox<Event>) -> Result<Vec<M::Subscription>> {
     let qos = Qos::Volatile(10);
-    let places = |message: TrackedPersons| -> Vec<Vec2> {
-        let place = |t: roscausal_msgs::pedsim_msgs::TrackedPerson| {
-            Vec2::new(t.pose.pose.position.x, t.pose.pose.position.y)
-        };
-        message.tracks.into_iter().map(place).collect()
-    };
-    let (people, goals, crowd, robot) = (inbox.sender(), inbox.sender(), inbox.sender(), inbox.sender());
+    let at = |pose: Pose| Vec2::new(pose.position.x, pose.position.y);
+    let places = move |m: TrackedPersons| m.tracks.into_iter().map(|t| at(t.pose.pose)).collect::<Vec<_>>();
+    let crowd = move |m: AgentStates| Event::Crowd(m.agent_states.into_iter().map(|a| at(a.pose)).collect());
+    let robot = move |m: PoseWithCovarianceStamped| Event::Robot(at(m.pose.pose));
     Ok(vec![
-        mw.subscribe("/ped/control/teleop_persons", qos, move |m| people.send(Event::People(places(m))))?,
-        mw.subscribe("/hri/human_goals", Qos::Latched, move |m| goals.send(Event::Goals(places(m))))?,
-        mw.subscribe("/pedsim_simulator/simulated_agents", qos, move |m: AgentStates| {
-            let place = |agent: &roscausal_msgs::pedsim_msgs::AgentState| {
-                Vec2::new(agent.pose.position.x, agent.pose.position.y)
-            };
-            crowd.send(Event::Crowd(m.agent_states.iter().map(place).collect()));
-        })?,
-        mw.subscribe("/robot_pose", qos, move |m: PoseWithCovarianceStamped| {
-            robot.send(Event::Robot(Vec2::new(m.pose.pose.position.x, m.pose.pose.position.y)));
-        })?,
+        inbox.subscribe(mw, "/ped/control/teleop_persons", qos, move |m| Event::People(places(m)))?,
+        inbox.subscribe(mw, "/hri/human_goals", Qos::Latched, move |m| Event::Goals(places(m)))?,
+        inbox.subscribe(mw, "/pedsim_simulator/simulated_agents", qos, crowd)?,
+        inbox.subscribe(mw, "/robot_pose", qos, robot)?,
     ])
 }
 

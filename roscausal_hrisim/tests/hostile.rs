@@ -19,16 +19,7 @@ fn a_hostile_scenario_is_refused_or_read() {
             .chain([format!("a = {}", "[".repeat(50_000)).into_bytes()])
             .collect(),
         tokens: &[
-            b"[[",
-            b"]]",
-            b"=",
-            b"nan",
-            b"inf",
-            b"1e308",
-            b"-1",
-            b"{",
-            b"9223372036854775807",
-            b"\n",
+            b"[[", b"]]", b"=", b"nan", b"inf", b"1e308", b"-1", b"{", b"9223372036854775807", b"\n",
             b"[a.b]\n",
         ],
         bytes_per_byte: 2000,

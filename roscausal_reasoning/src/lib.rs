@@ -8,7 +8,7 @@
 //! | what will happen? | [`answer::predict`] | a fan for each variable |
 //! | what if I slow down? Which action is best? | [`answer::what_if`] | a fan for each action, ranked by cost, within limits |
 //! | what would have happened, had I stopped? | [`answer::what_if`] with `counterfactual` | the same rows again |
-//! | why did she slow down? | [`answer::explain`] | each variable's part in the change |
+//! | why did the person slow down? | [`answer::explain`] | each variable's part in the change |
 //! | how strongly does one drive the other? | [`answer::effect`] | total, direct and mediated effect by lag |
 //!
 //! ```
@@ -73,6 +73,7 @@ mod simulate;
 
 pub use model::{Facts, Settings, StructuralModel};
 pub use samples::{ActsOn, Samples, default_intervention_targets};
+pub use simulate::Stop;
 
 /// The README's example runs, too.
 #[cfg(doctest)]

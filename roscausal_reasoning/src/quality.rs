@@ -153,7 +153,7 @@ fn calibrate(model: &Directed, recordings: &[Array2<f64>], settings: &Settings) 
             recordings[k].slice(ndarray::s![end - memory..end, ..]).iter().copied().collect();
         let steps = HORIZON.min(recordings[k].nrows() - end);
         let seed = random::at(settings.seed, number, 5);
-        let paths = simulate(model, &past, &Schedule::free(n, steps), PATHS, seed, false);
+        let paths = simulate(model, &past, &Schedule::free(n, steps), PATHS, seed, false, &|| false);
         let one = |step: usize, var: usize| {
             let (low, high) = paths.bounds(step, var, settings.interval);
             let real = recordings[k][[end + step, var]];

@@ -6,7 +6,7 @@
 //! difference is not noise.
 
 use rayon::prelude::*;
-use roscausal_discovery::quantile;
+use roscausal_discovery::{quantile, student_t_quantile};
 
 use crate::{
     model::{Directed, Schedule},
@@ -32,7 +32,10 @@ pub(crate) fn bit(var: usize) -> u64 {
     1 << var.min(63)
 }
 
-/// Simulates `paths` paths that follow `past` (rows one after the other).
+/// Whether nobody waits for the result any more. Asked often, and by several threads.
+pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);
+
+/// Simulates `paths` paths that follow `past` (rows one after the other). Once `stop` is true the rest stay 0.
 pub(crate) fn simulate(
     model: &Directed,
     past: &[f64],
@@ -40,6 +43,7 @@ pub(crate) fn simulate(
     paths: usize,
     seed: u64,
     watch: bool,
+    stop: Stop<'_>,
 ) -> Ensemble {
     let (n, steps) = (model.graph.len(), schedule.steps());
     let memory = model.graph.memory().max(1);
@@ -52,6 +56,9 @@ pub(crate) fn simulate(
         let mut run = Run { model, schedule, rows: Vec::new(), parents: Vec::new(), noise: vec![0.0; n] };
         let own = values.chunks_exact_mut((steps * n).max(1)).zip(outside.chunks_exact_mut(steps.max(1)));
         for (k, (values, outside)) in own.enumerate() {
+            if stop() {
+                return;
+            }
             let path = chunk * CHUNK + k;
             run.path(recent, path, random::at(seed, path, 3), watch.then_some(outside));
             values.copy_from_slice(&run.rows[recent.len()..]);
@@ -125,6 +132,14 @@ impl Ensemble {
         shares.map(|share| quantile(&values, share))
     }
 
+    /// The ends and the middle of the interval of an answer that only the equations make unsure, from what each refit says
+    /// ([`interval_of`]): at `level`, at one half, and the mean, as [`Self::quantiles`] of these shares.
+    pub(crate) fn of_refits(&self, step: usize, var: usize, level: f64) -> [f64; 5] {
+        let values: Vec<f64> = (0..self.paths).map(|path| self.at(path, step, var)).collect();
+        let ([low, high], [inner_low, inner_high]) = (interval_of(&values, level), interval_of(&values, 0.5));
+        [low, inner_low, self.mean(step, var), inner_high, high]
+    }
+
     /// The part of the paths that at this step ask an equation of `mask` outside its support.
     pub(crate) fn share_outside(&self, step: usize, mask: u64) -> f64 {
         let out = (0..self.paths).filter(|path| self.outside[path * self.steps + step] & mask != 0).count();
@@ -132,8 +147,22 @@ impl Ensemble {
     }
 }
 
+/// The interval, at this level, of a number that each refit gives: percentiles of some twenty refits lie too near together, so it is that of
+/// one more draw from a normal distribution (Student's t).
+pub(crate) fn interval_of(values: &[f64], level: f64) -> [f64; 2] {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    if values.len() < 2 {
+        return [mean, mean];
+    }
+    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let reach =
+        student_t_quantile(0.5 + 0.5 * level, values.len() - 1) * (variance * (1.0 + 1.0 / count)).sqrt();
+    [mean - reach, mean + reach]
+}
+
 /// Had I: rows that were observed again, with the noise that they had, under a schedule (abduction, action, prediction: Pearl 2009). The
-/// paths are those of the members, each with the noise that it sees: of a row that a member was not fitted on this is nearer to the truth.
+/// paths are those of equations that the true ones may be, each with the noise that it sees.
 /// `rows` begin with `memory` rows that stay.
 pub(crate) fn observed_again(model: &Directed, rows: &[f64], memory: usize, schedule: &Schedule) -> Ensemble {
     let n = model.graph.len();
@@ -146,7 +175,7 @@ pub(crate) fn observed_again(model: &Directed, rows: &[f64], memory: usize, sche
     let steps = schedule.steps();
     let (mut values, mut outside) = (Vec::new(), Vec::new());
     let mut parents = Vec::new();
-    for system in &model.members {
+    for system in model.plausible() {
         let path = again(system);
         for step in 0..steps {
             let mut bits = 0;
@@ -160,5 +189,5 @@ pub(crate) fn observed_again(model: &Directed, rows: &[f64], memory: usize, sche
         }
         values.extend_from_slice(&path[memory * n..]);
     }
-    Ensemble { n, steps, paths: model.members.len(), values, outside }
+    Ensemble { n, steps, paths: model.plausible().len(), values, outside }
 }

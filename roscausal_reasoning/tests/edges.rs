@@ -38,9 +38,9 @@ fn a_row_that_alone_decides_on_a_coefficient_is_no_noise_and_the_file_reads_back
     assert_eq!(read.to_json(), model.to_json());
     let answer = predict(&read, &Situation::newest(values.view()), 5, 100, 1);
     assert_eq!(answer.status, Status::Ok, "{}", answer.message);
-    let told =
+    let reported =
         "the equation of d has a coefficient that rests on one row alone (1 row left out of its noise)";
-    assert!(answer.caveats.iter().any(|caveat| caveat.contains(told)), "{:?}", answer.caveats);
+    assert!(answer.caveats.iter().any(|caveat| caveat.contains(reported)), "{:?}", answer.caveats);
     assert!(!lines(chain(1, 400)).to_json().contains("alone"), "ordinary rows all count");
 }
 
@@ -194,7 +194,7 @@ fn a_what_if_needs_what_it_asks_about_and_what_drives_that() {
     assert_eq!(without.outlooks[0].forecasts, there.outlooks[0].forecasts);
     // What has no value at all is not part of the model, and named.
     assert_eq!(gone.graph().names(), ["r", "d", "h"]);
-    assert!(gone.facts.warnings.iter().any(|told| told.ends_with("left out of the model: z")));
+    assert!(gone.facts.warnings.iter().any(|reported| reported.ends_with("left out of the model: z")));
     assert_eq!(ask(&gone, &about(&[])).status, Status::Ok);
     let some: [&[&str]; 2] = [&["z"], &["r", "z"]];
     for variables in some {

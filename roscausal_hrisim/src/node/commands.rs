@@ -2,7 +2,7 @@
 
 use roscausal_core::{
     Error, Result,
-    inbox::{Inbox, Sender},
+    inbox::Inbox,
     middleware::{Middleware, Qos},
 };
 use roscausal_msgs::{
@@ -44,22 +44,14 @@ pub(super) struct Running {
 
 /// Subscribes all commands into `inbox`. The subscriptions end when the returned handles are dropped.
 pub(super) fn subscribe<M: Middleware>(mw: &M, inbox: &Inbox<Command>) -> Result<Vec<M::Subscription>> {
-    let to = || inbox.sender();
-    let (teleop, scale, control, imposed): (Sender<_>, Sender<_>, Sender<_>, Sender<_>) =
-        (to(), to(), to(), to());
+    let qos = Qos::Volatile(10);
+    let teleop = |twist: Twist| Command::Teleop(Teleop { v: twist.linear.x, omega: twist.angular.z });
     Ok(vec![
-        mw.subscribe("/ped/control/cmd_vel", Qos::Volatile(10), move |twist: Twist| {
-            teleop.send(Command::Teleop(Teleop { v: twist.linear.x, omega: twist.angular.z }));
-        })?,
-        mw.subscribe("twist_mux/scaling_factor", Qos::Volatile(10), move |factor: Float64| {
-            scale.send(Command::Scale(factor.data));
-        })?,
-        mw.subscribe("/hri/control", Qos::Volatile(10), move |text: Text| {
-            control.send(Command::Control(text.data));
-        })?,
-        mw.subscribe("/hri/do", Qos::Volatile(10), move |text: Text| {
-            imposed.send(Command::Do(text.data));
-        })?,
+        inbox.subscribe(mw, "/ped/control/cmd_vel", qos, teleop)?,
+        inbox
+            .subscribe(mw, "twist_mux/scaling_factor", qos, |factor: Float64| Command::Scale(factor.data))?,
+        inbox.subscribe(mw, "/hri/control", qos, |text: Text| Command::Control(text.data))?,
+        inbox.subscribe(mw, "/hri/do", qos, |text: Text| Command::Do(text.data))?,
     ])
 }
 
@@ -93,10 +85,8 @@ fn control(text: &str, simulation: &mut Simulation, running: &mut Running) -> Re
                 *running = Running { paused: true, steps: running.steps + u64::from(count), ..*running }
             }
             Err(_) => {
-                return Err(Error::param(
-                    "/hri/control",
-                    format!("'{count}' is not a number of steps; {FORMS}"),
-                ));
+                let reason = format!("'{count}' is not a number of steps; {FORMS}");
+                return Err(Error::param("/hri/control", reason));
             }
         },
         ["reset"] => {
@@ -135,15 +125,15 @@ mod tests {
         let mut simulation = Simulation::new(&Scenario::default(), 1).unwrap();
         (0..50).for_each(|_| simulation.step());
         let mut running = Running::default();
-        let mut said = Vec::new();
+        let mut stated = Vec::new();
         for text in texts {
             let command = match text.strip_prefix("do ") {
                 Some(order) => Command::Do(order.to_owned()),
                 None => Command::Control((*text).to_owned()),
             };
-            said.extend(obey(&command, &mut simulation, &mut running).err().map(|error| error.to_string()));
+            stated.extend(obey(&command, &mut simulation, &mut running).err().map(|error| error.to_string()));
         }
-        (simulation, running, said)
+        (simulation, running, stated)
     }
 
     #[test]
@@ -156,17 +146,17 @@ mod tests {
 
     #[test]
     fn interventions_start_now_at_the_earliest() {
-        let (simulation, _, said) = after(&["do robot.speed=0.1", "do human.v=1@1..3"]);
-        assert!(said.is_empty(), "{said:?}");
+        let (simulation, _, stated) = after(&["do robot.speed=0.1", "do human.v=1@1..3"]);
+        assert!(stated.is_empty(), "{stated:?}");
         assert_eq!(simulation.interventions()[0].start, 2.0);
         assert_eq!((simulation.interventions()[1].start, simulation.interventions()[1].end), (2.0, 3.0));
     }
 
     #[test]
     fn what_is_not_understood_is_said_with_the_allowed_words() {
-        let (_, running, said) = after(&["halt", "step x", "do fly", "do human.v=1@0..1"]);
+        let (_, running, stated) = after(&["halt", "step x", "do fly", "do human.v=1@0..1"]);
         assert_eq!(running, Running::default());
-        assert!(said[0].contains("resume") && said[1].contains("step N"), "{said:?}");
-        assert!(said[2].contains("robot.speed") && said[3].contains("is over"), "{said:?}");
+        assert!(stated[0].contains("resume") && stated[1].contains("step N"), "{stated:?}");
+        assert!(stated[2].contains("robot.speed") && stated[3].contains("is over"), "{stated:?}");
     }
 }

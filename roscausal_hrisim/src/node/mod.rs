@@ -47,21 +47,17 @@ pub enum Pace {
     Max,
 }
 
-/// Options of the node.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Options {
-    /// How fast simulated time goes.
-    pub pace: Pace,
-    /// Whether to publish `/clock` and stamp with simulated time (for nodes with `use_sim_time`). Otherwise stamps
-    /// are the middleware's time, which suits real time only.
-    pub clock: bool,
-    /// Steps per message: 1 is 25 Hz.
-    pub every: u64,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self { pace: Pace::Times(1.0), clock: false, every: 1 }
+roscausal_core::with_defaults! {
+    /// Options of the node.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Options {
+        /// How fast simulated time goes.
+        pub pace: Pace = Pace::Times(1.0),
+        /// Whether to publish `/clock` and stamp with simulated time (for nodes with `use_sim_time`). Otherwise stamps
+        /// are the middleware's time, which suits real time only.
+        pub clock: bool = false,
+        /// Steps per message: 1 is 25 Hz.
+        pub every: u64 = 1,
     }
 }
 
@@ -69,10 +65,8 @@ impl Options {
     fn check(&self) -> Result<()> {
         match self.pace {
             Pace::Times(factor) if !(0.01..=1000.0).contains(&factor) => {
-                return Err(Error::param(
-                    "speed",
-                    format!("{factor} is not allowed; use 0.01 to 1000, or max"),
-                ));
+                let reason = format!("{factor} is not allowed; use 0.01 to 1000, or max");
+                return Err(Error::param("speed", reason));
             }
             Pace::Times(factor) if factor != 1.0 && !self.clock => {
                 return Err(Error::param("speed", "other than real time needs /clock; switch `clock` on"));

@@ -46,7 +46,7 @@ pub struct Publisher<M: Middleware> {
     tf: M::Publisher<TFMessage>,
     interventions: M::Publisher<Text>,
     /// What was last published on the topics that report changes, and when.
-    told: Option<Told>,
+    reported: Option<Reported>,
     /// Whether the goal parameters cannot be set at present.
     without_params: bool,
 }
@@ -63,7 +63,7 @@ struct RobotTopics<M: Middleware> {
 }
 
 #[derive(Clone, Debug, PartialEq)]
-struct Told {
+struct Reported {
     since: Time,
     human_goals: Vec<Vec2>,
     crowd_goals: Vec<Vec2>,
@@ -96,7 +96,7 @@ impl<M: Middleware> Publisher<M> {
             risk: mw.advertise("/hri/risk", Qos::Volatile(DEPTH))?,
             tf: mw.advertise("/tf", Qos::Volatile(DEPTH))?,
             interventions: mw.advertise("/hri/interventions", Qos::Latched)?,
-            told: None,
+            reported: None,
             without_params: false,
         })
     }
@@ -150,16 +150,16 @@ impl<M: Middleware> Publisher<M> {
 
     /// Publishes goals, walls and interventions when they change, and once a second.
     fn tell_changes(&mut self, simulation: &Simulation, stamp: Time) -> Result<()> {
-        let now = Told {
+        let now = Reported {
             since: stamp,
             human_goals: simulation.people.iter().map(|person| person.goal).collect(),
             crowd_goals: simulation.crowd.members.iter().map(|member| member.goal).collect(),
             robot_goals: simulation.robots.iter().map(|robot| (robot.goal(), robot.legs_done)).collect(),
             context: simulation.context(),
         };
-        let before = self.told.as_ref();
-        let again = before.is_none_or(|told| !(0.0..REPEAT).contains(&stamp.secs_since(told.since)));
-        if again || before.is_none_or(|told| told.human_goals != now.human_goals) {
+        let before = self.reported.as_ref();
+        let again = before.is_none_or(|reported| !(0.0..REPEAT).contains(&stamp.secs_since(reported.since)));
+        if again || before.is_none_or(|reported| reported.human_goals != now.human_goals) {
             for (goal, (topic, name)) in now.human_goals.iter().zip(&self.human_goals) {
                 topic.publish(&PoseStamped { header: header(stamp, "map"), pose: pose_at(*goal) })?;
                 let place = Value::List(vec![Value::Double(goal.x), Value::Double(goal.y)]);
@@ -171,9 +171,10 @@ impl<M: Middleware> Publisher<M> {
                 self.without_params = set.is_err();
             }
         }
-        let told_goals =
-            |told: &Told| told.human_goals == now.human_goals && told.crowd_goals == now.crowd_goals;
-        if again || before.is_none_or(|told| !told_goals(told)) {
+        let told_goals = |reported: &Reported| {
+            reported.human_goals == now.human_goals && reported.crowd_goals == now.crowd_goals
+        };
+        if again || before.is_none_or(|reported| !told_goals(reported)) {
             let people = simulation.people.iter().map(|person| (person.id, person.goal));
             let crowd = simulation.crowd.members.iter().map(|member| (member.id, member.goal));
             let track = |(id, goal): (u32, Vec2)| TrackedPerson {
@@ -184,12 +185,12 @@ impl<M: Middleware> Publisher<M> {
             let tracks = people.chain(crowd).map(track).collect();
             self.all_goals.publish(&TrackedPersons { header: header(stamp, "map"), tracks })?;
         }
-        if again || before.is_none_or(|told| told.robot_goals != now.robot_goals) {
+        if again || before.is_none_or(|reported| reported.robot_goals != now.robot_goals) {
             for ((goal, leg), topics) in now.robot_goals.iter().zip(&self.robots) {
                 topics.publish_goal(*goal, *leg, stamp)?;
             }
         }
-        if again || before.is_none_or(|told| told.context != now.context) {
+        if again || before.is_none_or(|reported| reported.context != now.context) {
             self.interventions
                 .publish(&Text { data: context_json(stamp, simulation.time(), &now.context) })?;
         }
@@ -198,9 +199,9 @@ impl<M: Middleware> Publisher<M> {
             let wall = |w: &crate::geometry::Segment| LineObstacle { start: point(w.a), end: point(w.b) };
             let obstacles = simulation.world().walls().iter().map(wall).collect();
             self.walls.publish(&LineObstacles { header: header(stamp, "map"), obstacles })?;
-            self.told = Some(now);
-        } else if let Some(told) = &mut self.told {
-            *told = Told { since: told.since, ..now };
+            self.reported = Some(now);
+        } else if let Some(reported) = &mut self.reported {
+            *reported = Reported { since: reported.since, ..now };
         }
         Ok(())
     }
@@ -256,13 +257,8 @@ impl<M: Middleware> RobotTopics<M> {
             pose: PoseWithCovariance { pose: pose(measured), ..Default::default() },
         })?;
         transforms.push(transform(stamp, "map", &self.odom_frame, origin, turn));
-        transforms.push(transform(
-            stamp,
-            &self.odom_frame,
-            &self.base_frame,
-            in_odom.position,
-            in_odom.theta,
-        ));
+        transforms
+            .push(transform(stamp, &self.odom_frame, &self.base_frame, in_odom.position, in_odom.theta));
         Ok(())
     }
 

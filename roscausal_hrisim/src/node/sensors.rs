@@ -47,7 +47,7 @@ impl Sensors {
         }
     }
 
-    /// A person, as a tracker measures her.
+    /// A person, as a tracker measures them.
     pub fn person(&mut self, person: &Person) -> Measured {
         self.walker(person.position, person.theta, person.v, person.omega)
     }

@@ -10,14 +10,8 @@ use crate::{
 
 /// Names of the built-in scenarios.
 pub const SCENARIOS: [&str; 8] = [
-    "thor",
-    "pass_by_the_centre",
-    "robot_off",
-    "crowd",
-    "encounters",
-    "encounters_ignored",
-    "encounters_unslowed",
-    "guide",
+    "thor", "pass_by_the_centre", "robot_off", "crowd", "encounters", "encounters_ignored",
+    "encounters_unslowed", "guide",
 ];
 
 /// The one that is written as a file, as users write theirs.
@@ -48,12 +42,12 @@ impl Scenario {
     /// The scenario that is recommended for finding the paper's four links, and its two controls (the person
     /// ignores the robot, or never slows down for a goal or a turn). Why it shows the links:
     ///
-    /// - `v -> d_g`: her true pace is irregular (`pace_sd`), so the distance walked adds information about the
+    /// - `v -> d_g`: their true pace is irregular (`pace_sd`), so the distance walked adds information about the
     ///   distance.
-    /// - `d_g -> v`: goals come every few seconds, she starts to slow down 6 m before each, and changes speed
-    ///   promptly. Her pace is nearly uncorrelated from one step of 0.3 s to the next (`pace_time`), so the
-    ///   distance still adds information to her last speed.
-    /// - `risk -> v`: robot and goals share the middle of the hall, so they meet often. She brakes hard, but not
+    /// - `d_g -> v`: goals come every few seconds, the person starts to slow down 6 m before each, and changes speed
+    ///   promptly. Their pace is nearly uncorrelated from one step of 0.3 s to the next (`pace_time`), so the
+    ///   distance still adds information to their last speed.
+    /// - `risk -> v`: robot and goals share the middle of the hall, so they meet often. The person brakes hard, but not
     ///   within one step: reaction and braking together take about two steps, so a lag of one sees them.
     /// - `v -> risk`: the risk contains v (analyse with `risk_model` v1_1 and `risk_lag` 1).
     /// - No other link: goals are uniform in a square around the robot's loop, so the robot's position does not

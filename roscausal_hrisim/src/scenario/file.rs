@@ -148,9 +148,12 @@ mod tests {
             ("noise.person_speed = inf", "line 1", "inf is not allowed"),
         ];
         for (text, place, reason) in cases {
-            let said = complaint(text);
-            assert!(said.starts_with("my.toml: ") && said.contains(place) && said.contains(reason), "{said}");
-            assert!(!said.contains('\n'), "{said}");
+            let stated = complaint(text);
+            assert!(
+                stated.starts_with("my.toml: ") && stated.contains(place) && stated.contains(reason),
+                "{stated}"
+            );
+            assert!(!stated.contains('\n'), "{stated}");
         }
     }
 
@@ -158,13 +161,13 @@ mod tests {
     fn goals_without_a_route_are_refused() {
         let text = "map = 'corridor_turn'\n[[robots]]\nwaypoints = [[-8.0, -8.0], [0.0, 5.0]]\n[[people]]\n\
                     areas = [[[-8.0, -8.0]], [[8.0, 8.0]]]";
-        let said = complaint(text);
-        assert!(said.contains("line 3") && said.contains("no route from"), "{said}");
+        let stated = complaint(text);
+        assert!(stated.contains("line 3") && stated.contains("no route from"), "{stated}");
     }
 
     #[test]
     fn an_unknown_scenario_lists_the_known_ones() {
-        let said = Scenario::load("thorr").unwrap_err().to_string();
-        assert!(said.contains("pass_by_the_centre"), "{said}");
+        let stated = Scenario::load("thorr").unwrap_err().to_string();
+        assert!(stated.contains("pass_by_the_centre"), "{stated}");
     }
 }

@@ -19,53 +19,55 @@ pub use builtin::SCENARIOS;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Plan {
-    /// The robot loops through its waypoints. A person's goal is uniform in one of her areas, never twice in a row
+    /// The robot loops through its waypoints. A person's goal is uniform in one of their areas, never twice in a row
     /// in the same one. It is the plan of the published data.
     #[default]
     Thor,
     /// The robot drives from corner to corner. A person's goals alternate between areas on both sides of its path,
     /// so that the paths cross.
     PassByTheCentre,
-    /// The robot is parked. A person's goals alternate between her areas.
+    /// The robot is parked. A person's goals alternate between their areas.
     RobotOff,
     /// Pedestrians, people and robots go to random positions.
     Crowd,
 }
 
-/// A scenario; `Scenario::default()` is `thor`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Scenario {
-    /// Name, for files and reports.
-    #[serde(default)]
-    pub name: String,
-    /// Who goes where.
-    #[serde(default)]
-    pub plan: Plan,
-    /// Name of a built-in map.
-    #[serde(default = "default_map")]
-    pub map: String,
-    /// Walls `[x1, y1, x2, y2]` instead of a built-in map, metres.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub walls: Vec<[f64; 4]>,
-    /// Simulated time, seconds.
-    #[serde(default = "default_duration")]
-    pub duration: f64,
-    /// Scripted (or teleoperated) people.
-    #[serde(default = "one")]
-    pub people: Vec<PersonSpec>,
-    /// Robots.
-    #[serde(default = "one")]
-    pub robots: Vec<RobotSpec>,
-    /// Social-force pedestrians.
-    #[serde(default)]
-    pub pedestrians: PedestrianSpec,
-    /// Noise of the sensors.
-    #[serde(default)]
-    pub noise: Noise,
-    /// Interventions, such as `robot.speed=0.2@60..90`.
-    #[serde(default)]
-    pub interventions: Vec<Intervention>,
+roscausal_core::with_defaults! {
+    /// A scenario; `Scenario::default()` is `thor`.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Scenario {
+        /// Name, for files and reports.
+        #[serde(default)]
+        pub name: String = "thor".to_owned(),
+        /// Who goes where.
+        #[serde(default)]
+        pub plan: Plan = Plan::Thor,
+        /// Name of a built-in map.
+        #[serde(default = "default_map")]
+        pub map: String = default_map(),
+        /// Walls `[x1, y1, x2, y2]` instead of a built-in map, metres.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        pub walls: Vec<[f64; 4]> = Vec::new(),
+        /// Simulated time, seconds.
+        #[serde(default = "default_duration")]
+        pub duration: f64 = default_duration(),
+        /// Scripted (or teleoperated) people.
+        #[serde(default = "one")]
+        pub people: Vec<PersonSpec> = one(),
+        /// Robots.
+        #[serde(default = "one")]
+        pub robots: Vec<RobotSpec> = one(),
+        /// Social-force pedestrians.
+        #[serde(default)]
+        pub pedestrians: PedestrianSpec = PedestrianSpec::default(),
+        /// Noise of the sensors.
+        #[serde(default)]
+        pub noise: Noise = Noise::default(),
+        /// Interventions, such as `robot.speed=0.2@60..90`.
+        #[serde(default)]
+        pub interventions: Vec<Intervention> = Vec::new(),
+    }
 }
 
 /// One scripted person.
@@ -74,12 +76,12 @@ pub struct Scenario {
 pub struct PersonSpec {
     /// Track id; 0 means 1000 plus the position in the list.
     pub id: u32,
-    /// Where she starts; by default somewhere in her goal areas.
+    /// Where the person starts; by default somewhere in their goal areas.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<Vec2>,
-    /// Convex areas from which her goals are drawn; by default those of the plan.
+    /// Convex areas from which their goals are drawn; by default those of the plan.
     pub areas: Vec<Area>,
-    /// How she walks.
+    /// How the person walks.
     pub walk: PersonParams,
 }
 
@@ -98,62 +100,45 @@ pub struct RobotSpec {
     pub drive: RobotParams,
 }
 
-/// The pedestrians.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct PedestrianSpec {
-    /// Their number.
-    pub count: usize,
-    /// Whether they walk in groups of 1 + Poisson(1.1).
-    pub groups: bool,
-    /// Mean of their top speeds, m/s.
-    pub speed_mean: f64,
-    /// Standard deviation of their top speeds, m/s.
-    pub speed_sd: f64,
-}
-
-impl Default for PedestrianSpec {
-    fn default() -> Self {
-        Self { count: 0, groups: true, speed_mean: 1.34, speed_sd: 0.26 }
+roscausal_core::with_defaults! {
+    /// The pedestrians.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct PedestrianSpec {
+        /// Their number.
+        pub count: usize = 0,
+        /// Whether they walk in groups of 1 + Poisson(1.1).
+        pub groups: bool = true,
+        /// Mean of their top speeds, m/s.
+        pub speed_mean: f64 = 1.34,
+        /// Standard deviation of their top speeds, m/s.
+        pub speed_sd: f64 = 0.26,
     }
 }
 
-/// Standard deviations of the noise that a localiser and a people tracker add; it is white and normal.
-///
-/// The defaults are the noise of the published data for people (0.05 m, 0.028 m/s), and a little for the robot.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Noise {
-    /// A person's position, per axis, metres.
-    pub person_position: f64,
-    /// A person's heading, radians.
-    pub person_heading: f64,
-    /// A person's speed, m/s.
-    pub person_speed: f64,
-    /// A person's turning rate, rad/s.
-    pub person_turn: f64,
-    /// The robot's position, per axis, metres.
-    pub robot_position: f64,
-    /// The robot's heading, radians.
-    pub robot_heading: f64,
-    /// The robot's speed, m/s.
-    pub robot_speed: f64,
-    /// The robot's turning rate, rad/s.
-    pub robot_turn: f64,
-}
-
-impl Default for Noise {
-    fn default() -> Self {
-        Self {
-            person_position: 0.05,
-            person_heading: 0.02,
-            person_speed: 0.028,
-            person_turn: 0.02,
-            robot_position: 0.01,
-            robot_heading: 0.005,
-            robot_speed: 0.005,
-            robot_turn: 0.005,
-        }
+roscausal_core::with_defaults! {
+    /// Standard deviations of the noise that a localiser and a people tracker add; it is white and normal.
+    ///
+    /// The defaults are the noise of the published data for people (0.05 m, 0.028 m/s), and a little for the robot.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Noise {
+        /// A person's position, per axis, metres.
+        pub person_position: f64 = 0.05,
+        /// A person's heading, radians.
+        pub person_heading: f64 = 0.02,
+        /// A person's speed, m/s.
+        pub person_speed: f64 = 0.028,
+        /// A person's turning rate, rad/s.
+        pub person_turn: f64 = 0.02,
+        /// The robot's position, per axis, metres.
+        pub robot_position: f64 = 0.01,
+        /// The robot's heading, radians.
+        pub robot_heading: f64 = 0.005,
+        /// The robot's speed, m/s.
+        pub robot_speed: f64 = 0.005,
+        /// The robot's turning rate, rad/s.
+        pub robot_turn: f64 = 0.005,
     }
 }
 
@@ -197,23 +182,6 @@ impl Noise {
         robot_speed: 0.0,
         robot_turn: 0.0,
     };
-}
-
-impl Default for Scenario {
-    fn default() -> Self {
-        Self {
-            name: "thor".to_owned(),
-            plan: Plan::Thor,
-            map: default_map(),
-            walls: Vec::new(),
-            duration: default_duration(),
-            people: one(),
-            robots: one(),
-            pedestrians: PedestrianSpec::default(),
-            noise: Noise::default(),
-            interventions: Vec::new(),
-        }
-    }
 }
 
 fn default_map() -> String {

@@ -25,11 +25,10 @@ pub(super) fn sentence(model: &StructuralModel, effects: &[f64], nothing: f64) -
     let (a, b) = (name(pair.a), name(pair.b));
     let smallest = effects.iter().copied().fold(f64::INFINITY, f64::min);
     let largest = effects.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let (smallest, largest) = (super::sentences::short(smallest), super::sentences::short(largest));
     Some(format!(
-        "the answer depends on whether {a} drives {b} or {b} drives {a}, which the data leave open: the effect is {} to {}; direct \
-         this link in the model, or sample faster",
-        super::sentences::short(smallest),
-        super::sentences::short(largest)
+        "the answer depends on whether {a} drives {b} or {b} drives {a}, which the data leave open: the effect is \
+         {smallest} to {largest}; direct this link in the model, or sample faster"
     ))
 }
 

@@ -59,7 +59,7 @@ fn unmoved(
     outlooks: &[Outlook],
     plan: &Plan,
 ) -> Vec<String> {
-    let (targets, mut said) = (asked.targets(), Vec::new());
+    let (targets, mut stated) = (asked.targets(), Vec::new());
     for (k, (_, schedule)) in asked.actions.iter().enumerate() {
         if schedule.is_free() || outlooks[k].refused {
             continue;
@@ -80,11 +80,11 @@ fn unmoved(
             let rest: Vec<String> = rest.map(|&var| model.graph().names()[var].clone()).collect();
             sentence += &format!("; it is ranked by {} alone", listed(&rest));
         }
-        if !said.contains(&sentence) {
-            said.push(sentence);
+        if !stated.contains(&sentence) {
+            stated.push(sentence);
         }
     }
-    said
+    stated
 }
 
 /// Whether a variable was ever set by experiment.
@@ -116,23 +116,22 @@ fn quality(model: &StructuralModel, variables: &[usize]) -> Vec<String> {
         format!("{} {} %", names[*var], short(100.0 * quality.coverage[*var].unwrap_or(f64::NAN)))
     };
     let narrow: Vec<String> = variables.iter().filter(narrow).map(of).collect();
-    let mut said = Vec::new();
+    let mut stated = Vec::new();
     if !narrow.is_empty() {
-        said.push(format!(
-            "on the last fifth of the rows intervals of {} % held less often ({}) and are widened accordingly",
-            short(100.0 * wanted),
-            narrow.join(", ")
+        let (percent, narrow) = (short(100.0 * wanted), narrow.join(", "));
+        stated.push(format!(
+            "on the last fifth of the rows intervals of {percent} % held less often ({narrow}) and are widened accordingly"
         ));
     }
     let no_skill = |var: &&usize| quality.skill(0, **var).is_some_and(|skill| skill <= 0.0);
     let without: Vec<String> = variables.iter().filter(no_skill).map(|&var| names[var].clone()).collect();
     if !without.is_empty() {
-        said.push(format!(
+        stated.push(format!(
             "one step ahead the model forecasts {} no better than its last value does",
             listed(&without)
         ));
     }
-    said
+    stated
 }
 
 /// What holds for every answer of a model.
@@ -142,24 +141,16 @@ pub(super) fn of_model(model: &StructuralModel) -> Vec<String> {
     let pairs: Vec<String> =
         model.graph().pairs().iter().map(|pair| format!("{} - {}", names[pair.a], names[pair.b])).collect();
     if !pairs.is_empty() {
+        let (pairs, graphs) = (listed(&pairs), model.members().len());
         caveats.push(format!(
-            "the direction of {} is open: the answer covers the {} graphs that this may stand for",
-            listed(&pairs),
-            model.members().len()
+            "the direction of {pairs} is open: the answer covers the {graphs} graphs that this may stand for"
         ));
     }
     if model.members().iter().any(|member| member.against_the_rule) {
         caveats.push("each direction of the open links makes a collider that the method did not find; all of them are taken".to_owned());
     }
     for member in model.members().iter().take(1) {
-        for &(a, b, r) in &member.model.noise.shared {
-            caveats.push(format!(
-                "what the equations of {} and {} leave is correlated ({}): they share something unrecorded, or a link is missing",
-                names[a],
-                names[b],
-                short(r)
-            ));
-        }
+        caveats.extend(member.model.noise.shared.iter().map(|pair| shared(model, *pair)));
         for (name, summary) in names.iter().zip(&member.model.summaries) {
             if let Some(reason) = &summary.missing {
                 caveats.push(reason.clone());
@@ -185,6 +176,22 @@ pub(super) fn of_model(model: &StructuralModel) -> Vec<String> {
     }
     caveats.extend(model.facts.warnings.iter().cloned());
     caveats
+}
+
+fn shared(model: &StructuralModel, (a, b, r): (usize, usize, f64)) -> String {
+    let names = model.graph().names();
+    let (a, b, r) = (&names[a], &names[b], short(r));
+    format!(
+        "what the equations of {a} and {b} leave is correlated ({r}): they share something unrecorded, or a link is missing"
+    )
+}
+
+/// What makes an effect of one of the `causes` on one of the `effects` doubtful: what their equations leave is correlated.
+pub(super) fn shared_by(model: &StructuralModel, causes: &[usize], effects: &[usize]) -> Option<String> {
+    let is_asked = |a: &usize, b: &usize| causes.contains(a) && effects.contains(b);
+    let pairs = &model.members().first()?.model.noise.shared;
+    let pair = pairs.iter().find(|(a, b, _)| is_asked(a, b) || is_asked(b, a))?;
+    Some(shared(model, *pair))
 }
 
 /// The strongest path from one variable to another, over standardised coefficients: the variables on it. Empty without one.
@@ -244,10 +251,10 @@ pub(super) fn weakest_link(model: &StructuralModel, path: &[usize]) -> Option<St
     };
     let weakest = path.windows(2).filter_map(p_of).max_by(|a, b| a.2.total_cmp(&b.2))?;
     Some(format!(
-        "the weakest link on the path {} is {} -> {} (p = {})",
+        "the weakest link on the path {} is {} -> {} ({})",
         arrows(model, path),
         weakest.0,
         weakest.1,
-        short(weakest.2)
+        if weakest.2 < 0.001 { "p < 0.001".to_owned() } else { format!("p = {}", short(weakest.2)) }
     ))
 }

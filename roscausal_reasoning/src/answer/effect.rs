@@ -10,9 +10,11 @@ use super::{
 use crate::{
     effects::{Columns, Paths, Sums},
     graph::{Adjustment, adjustment},
-    model::{Member, StructuralModel},
+    model::{Directed, Equations, Member, Schedule, Settings, StructuralModel, System},
+    quality::all_lagged,
     question::variable,
     random,
+    simulate::interval_of,
 };
 
 /// Bootstraps of the rows for an interval.
@@ -36,7 +38,7 @@ pub struct EffectQuestion {
 }
 
 /// The answer to [`EffectQuestion`]. Lists are by lag, 0 first.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EffectAnswer {
     /// How to take it.
     pub status: Status,
@@ -83,20 +85,7 @@ struct ByGraph {
 
 /// Total, direct and mediated effect of one variable on another.
 pub fn effect(model: &StructuralModel, question: &EffectQuestion) -> EffectAnswer {
-    let refuse = |status, message| EffectAnswer {
-        status,
-        message,
-        total: Vec::new(),
-        lower: Vec::new(),
-        upper: Vec::new(),
-        direct: Vec::new(),
-        mediators: Vec::new(),
-        mediated: Vec::new(),
-        adjustment_set: Vec::new(),
-        robustness: 0.0,
-        text: String::new(),
-        caveats: Vec::new(),
-    };
+    let refuse = |status, message| EffectAnswer { status, message, ..EffectAnswer::default() };
     let names = model.graph().names();
     let asked =
         variable(names, &question.cause).and_then(|cause| Ok((cause, variable(names, &question.effect)?)));
@@ -147,8 +136,10 @@ pub fn effect(model: &StructuralModel, question: &EffectQuestion) -> EffectAnswe
     let robustness =
         graphs.iter().map(|g| robustness(g.lags[peak].t, g.lags[peak].degrees)).fold(f64::INFINITY, f64::min);
     let effects: Vec<f64> = graphs.iter().map(|g| g.lags[peak].coefficient * unit).collect();
-    let (status, message) = ambiguity::sentence(model, &effects, 0.0)
-        .map_or((Status::Ok, String::new()), |message| (Status::Ambiguous, message));
+    let path = graphs.iter().any(|g| g.lags.iter().any(|l| l.found.causal_path));
+    let doubt = ambiguity::sentence(model, &effects, 0.0)
+        .or_else(|| caveats::shared_by(model, &[cause], &[effect]).filter(|_| path));
+    let (status, message) = doubt.map_or((Status::Ok, String::new()), |message| (Status::Ambiguous, message));
     let mut answer = EffectAnswer {
         status,
         message,
@@ -163,14 +154,53 @@ pub fn effect(model: &StructuralModel, question: &EffectQuestion) -> EffectAnswe
         text: String::new(),
         caveats: Vec::new(),
     };
-    let path = graphs.iter().any(|g| g.lags.iter().any(|l| l.found.causal_path));
     answer.text = if path {
         text(model, question, &answer, peak)
     } else {
         format!("{}.", no_effect(model, &[cause], &[effect], question.max_lag))
     };
-    answer.caveats = cautions(model, &graphs, (cause, effect), peak, &answer);
+    if !path {
+        answer.caveats.extend(by_plain_regression(model, (cause, effect), question.max_lag));
+    }
+    answer.caveats.extend(cautions(model, &graphs, (cause, effect), peak, &answer));
     answer
+}
+
+/// What a regression on all variables at all lags would say of a pair without a path, where it says more than chance would.
+fn by_plain_regression(
+    model: &StructuralModel,
+    (cause, effect): (usize, usize),
+    max_lag: usize,
+) -> Option<String> {
+    let lines = Settings { equations: Equations::Linear, check: false, ..model.settings().clone() };
+    let everything = Directed::fit(model.samples(), &all_lagged(model.graph()).ok()?, &lines, None).ok()?;
+    let (n, memory) = (model.graph().len(), everything.graph.memory());
+    let response = |system: &System| {
+        let mut pulse = Schedule::free(n, max_lag + 1);
+        pulse.shift(0, cause, 1.0);
+        let end = |schedule: &Schedule| {
+            let mut rows = vec![0.0; memory * n];
+            system.run(&mut rows, schedule, |_, _| 0.0);
+            rows
+        };
+        let (moved, still) = (end(&pulse), end(&Schedule::free(n, max_lag + 1)));
+        (1..=max_lag).map(|lag| (memory + lag) * n + effect).map(|at| moved[at] - still[at]).collect()
+    };
+    let refits: Vec<Vec<f64>> = everything.members.iter().map(response).collect();
+    // Of several lags one is the largest by chance.
+    let level = 1.0 - (1.0 - model.settings().interval) / (10 * max_lag.max(1)) as f64;
+    let at = |lag: usize| refits.iter().map(|refit| refit[lag]).collect::<Vec<f64>>();
+    let differs = |lag: &usize| interval_of(&at(*lag), level).map(f64::signum) != [-1.0, 1.0];
+    let mean = |lag: usize| at(lag).iter().sum::<f64>() / refits.len() as f64;
+    let strongest = (0..max_lag).filter(differs).max_by(|&a, &b| mean(a).abs().total_cmp(&mean(b).abs()))?;
+    let [low, high] = interval_of(&at(strongest), model.settings().interval);
+    Some(format!(
+        "a plain regression on all variables at all lags would say {} ({} to {}) {} later: the graph may lack a link",
+        short(mean(strongest)),
+        short(low),
+        short(high),
+        steps(model, strongest + 1)
+    ))
 }
 
 fn of_graph(
@@ -226,11 +256,9 @@ fn at_lag(model: &StructuralModel, member: &Member, x: Node, y: Node, tail: f64)
     let degrees = columns.products().rows() as f64 - regressors.len() as f64 - 1.0;
     if degrees < 10.0 {
         let graph = &member.model.graph;
+        let (rows, cause, others) = (columns.products().rows(), graph.text(x), set.len());
         return Err(format!(
-            "{} rows are too few to adjust the effect of {} for {} others; record longer",
-            columns.products().rows(),
-            graph.text(x),
-            set.len()
+            "{rows} rows are too few to adjust the effect of {cause} for {others} others; record longer"
         ));
     }
     let coefficient = |sums: &Sums| sums.regress(target, &regressors).0[0];
@@ -296,15 +324,14 @@ fn cautions(
     answer: &EffectAnswer,
 ) -> Vec<String> {
     let names = model.graph().names();
-    let mut said = vec![caveats::imposed(model, cause, "this effect")];
-    said.extend(from_experiment(model, (cause, effect), peak));
+    let mut stated = vec![caveats::imposed(model, cause, "this effect")];
+    stated.extend(from_experiment(model, (cause, effect), peak));
     let any_path = graphs.iter().any(|g| g.lags[peak].found.causal_path);
     if any_path && peak + usize::from(cause != effect) > 0 {
-        said.push(format!(
-            "an unrecorded cause that explains {} % of what is left of both {} and {} would be enough to undo it",
-            short(100.0 * answer.robustness),
-            names[cause],
-            names[effect]
+        let (percent, cause, effect) = (short(100.0 * answer.robustness), &names[cause], &names[effect]);
+        stated.push(format!(
+            "an unrecorded cause that explains {percent} % of what is left of both {cause} and {effect} would be enough to \
+             undo it"
         ));
     }
     for graph in graphs {
@@ -313,30 +340,29 @@ fn cautions(
         let apart = (paths < by_set.bounds.0 || paths > by_set.bounds.1)
             && (by_set.coefficient < by_paths.0 || by_set.coefficient > by_paths.1);
         if by_set.found.causal_path && apart {
-            said.push(format!(
-                "the graph does not fit the data: by its paths the effect is {}, by adjustment {}",
-                short(paths),
-                short(by_set.coefficient)
+            let (paths, coefficient) = (short(paths), short(by_set.coefficient));
+            stated.push(format!(
+                "the graph does not fit the data: by its paths the effect is {paths}, by adjustment {coefficient}"
             ));
         }
         if by_set.found.causal_path && by_set.found.set.is_none() {
-            said.push("no adjustment set exists; ask what-if, which simulates".to_owned());
+            stated.push("no adjustment set exists; ask what-if, which simulates".to_owned());
         }
     }
-    said.extend(caveats::weakest_link(model, &caveats::strongest_path(model, cause, effect)));
+    stated.extend(caveats::weakest_link(model, &caveats::strongest_path(model, cause, effect)));
     let curved: Vec<String> = (0..names.len())
         .filter(|&var| model.members()[0].model.summaries[var].process.is_some())
         .map(|var| names[var].clone())
         .collect();
     if !curved.is_empty() {
         let noun = if curved.len() == 1 { "equation" } else { "equations" };
-        said.push(format!(
+        stated.push(format!(
             "the {noun} of {} may be curved: this is the effect on average, ask what-if for the one from a state",
             listed(&curved)
         ));
     }
-    said.extend(caveats::of_model(model));
-    said
+    stated.extend(caveats::of_model(model));
+    stated
 }
 
 /// The same effect from the rows alone in which an experiment imposed the cause.
@@ -347,9 +373,8 @@ fn from_experiment(model: &StructuralModel, (cause, effect): (usize, usize), pea
     let (x, y) = (Node::new(cause, peak), Node::new(effect, 0));
     let (rows, coefficient, error) = model.samples().effect_where_imposed(x, y)?;
     let name = &model.graph().names()[cause];
+    let (effect, error) = (short(coefficient), short(error));
     Some(format!(
-        "from the {rows} rows alone in which {name} was imposed the effect is {} (standard error {})",
-        short(coefficient),
-        short(error)
+        "from the {rows} rows alone in which {name} was imposed the effect is {effect} (standard error {error})"
     ))
 }

@@ -6,7 +6,7 @@ use super::sentences::short;
 use crate::{
     model::{Directed, Schedule, StructuralModel},
     question::{Situation, WhatIf},
-    simulate::{Ensemble, bit, observed_again, simulate},
+    simulate::{Ensemble, Stop, bit, observed_again, simulate},
 };
 
 /// Part of the paths outside from which on a step is not supported, and from which on an action is refused.
@@ -41,6 +41,7 @@ pub(super) fn outcomes(
     schedule: &Schedule,
     question: &WhatIf,
     needed: &[bool],
+    stop: Stop<'_>,
 ) -> Outcomes {
     let memory = model.graph_memory();
     let first = situation.now + 1 - memory;
@@ -63,7 +64,7 @@ pub(super) fn outcomes(
             let rows = situation.stretch(first, known);
             observed_again(directed, &rows, memory, schedule)
         } else {
-            simulate(directed, &past, schedule, question.paths, question.seed, true)
+            simulate(directed, &past, schedule, question.paths, question.seed, true, stop)
         };
         let cells =
             (0..schedule.steps()).flat_map(|step| (0..directed.graph.len()).map(move |var| (step, var)));
@@ -224,11 +225,10 @@ fn far(
         return not_reached(name, place[k], Some((low, high)), &depends);
     }
     let ask = if acting { "ask for less of a change" } else { "ask about another moment" };
+    let (low, high, value) = (short(low), short(high), short(place[k]));
     format!(
-        "the data have {name} from {} to {}, but never {name} = {} together with a state like this one{depends}; {ask}, or record it",
-        short(low),
-        short(high),
-        short(place[k])
+        "the data have {name} from {low} to {high}, but never {name} = {value} together with a state like this \
+         one{depends}; {ask}, or record it"
     )
 }
 

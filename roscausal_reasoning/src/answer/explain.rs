@@ -1,7 +1,6 @@
 //! Why did it change? Each variable's surprise, in numbers and words.
 
 use rayon::prelude::*;
-use roscausal_discovery::quantile;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -12,6 +11,7 @@ use crate::{
     explain::{Parts, linear, shapley},
     model::{Directed, StructuralModel, System},
     question::{Situation, variable},
+    simulate::interval_of,
 };
 
 /// Part of the change below which a contribution is not told.
@@ -52,7 +52,7 @@ pub struct Contribution {
 }
 
 /// The answer to [`ExplainQuestion`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ExplainAnswer {
     /// How to take it.
     pub status: Status,
@@ -80,28 +80,15 @@ pub fn explain(
     situation: &Situation<'_>,
     question: &ExplainQuestion,
 ) -> ExplainAnswer {
-    let refuse = |status, message| ExplainAnswer {
-        status,
-        message,
-        from_row: 0,
-        to_row: 0,
-        change: 0.0,
-        expected: 0.0,
-        contributions: Vec::new(),
-        text: String::new(),
-        caveats: Vec::new(),
-    };
+    let refuse = |status, message| ExplainAnswer { status, message, ..ExplainAnswer::default() };
     let names = model.graph().names();
     let y = match variable(names, &question.variable) {
         Ok(y) => y,
         Err(message) => return refuse(Status::BadRequest, message),
     };
     if situation.rows.ncols() != names.len() {
-        let message = format!(
-            "the rows have {} variables and the model has {}",
-            situation.rows.ncols(),
-            names.join(", ")
-        );
+        let (columns, names) = (situation.rows.ncols(), names.join(", "));
+        let message = format!("the rows have {columns} variables and the model has {names}");
         return refuse(Status::NoModel, message);
     }
     let (from, to) = match window(model, situation, question, y) {
@@ -128,16 +115,14 @@ pub fn explain(
         |of: &dyn Fn(&Parts) -> f64| all.iter().map(|members| mean(members, of)).sum::<f64>() / count;
     let change = average(&|parts| parts.change);
     let sign = if change < 0.0 { -1.0 } else { 1.0 };
-    let tail = 0.5 * (1.0 - model.settings().interval);
     let mut contributions: Vec<Contribution> = Vec::new();
     for (var, name) in names.iter().enumerate() {
         let value = average(&|parts| parts.surprises[var]);
         let (mut lower, mut upper) = (value, value);
         for members in &all {
-            let mut values: Vec<f64> = members.iter().map(|member| member.surprises[var]).collect();
-            values.sort_unstable_by(f64::total_cmp);
-            lower = quantile(&values, tail).min(lower);
-            upper = quantile(&values, 1.0 - tail).max(upper);
+            let values: Vec<f64> = members.iter().map(|member| member.surprises[var]).collect();
+            let [low, high] = interval_of(&values, model.settings().interval);
+            (lower, upper) = (low.min(lower), high.max(upper));
         }
         if value != 0.0 || lower != 0.0 || upper != 0.0 {
             let text = words(model, &rows, memory, (var, y), value * sign);
@@ -218,10 +203,9 @@ fn window(
         ));
     }
     if to >= rows || from + 1 < memory {
+        let (first, last) = (memory - 1, rows.saturating_sub(1));
         let message = format!(
-            "rows {from} to {to} are not all there: the data have rows {} to {} with enough before them",
-            memory - 1,
-            rows.saturating_sub(1)
+            "rows {from} to {to} are not all there: the data have rows {first} to {last} with enough before them"
         );
         return Err((Status::NoData, message));
     }
@@ -250,11 +234,16 @@ fn lacking(model: &Directed, y: usize) -> Option<String> {
 
 /// The parts by each refit.
 fn parts_of(model: &Directed, rows: &[f64], from: usize, y: usize, seed: u64) -> Vec<Parts> {
-    let of = |system: &System| match model.summaries.iter().all(|summary| summary.process.is_none()) {
+    let of = |system: &System| match system
+        .equations
+        .iter()
+        .flatten()
+        .all(|equation| equation.process.is_none())
+    {
         true => linear(system, rows, from, y),
         false => shapley(system, rows, from, y, seed),
     };
-    model.members.par_iter().map(of).collect()
+    model.plausible().par_iter().map(of).collect()
 }
 
 /// `0.31 because d was smaller than expected`.

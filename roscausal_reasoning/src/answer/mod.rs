@@ -13,14 +13,15 @@ use serde::{Deserialize, Serialize};
 
 pub use effect::{EffectAnswer, EffectQuestion, LONGEST_LAG, effect};
 pub use explain::{Contribution, ExplainAnswer, ExplainQuestion, explain};
-pub use what_if::{predict, what_if};
+pub use what_if::{predict, what_if, what_if_until};
 
 /// How an answer is to be taken. The numbers are those of the services.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]
 #[repr(u8)]
 pub enum Status {
     /// Answered.
+    #[default]
     Ok = 0,
     /// The data do not reach where the question goes.
     NotSupported = 1,
@@ -32,6 +33,8 @@ pub enum Status {
     NoData = 4,
     /// The question cannot be asked like this.
     BadRequest = 5,
+    /// The answer was no longer wanted before it was there.
+    Late = 6,
 }
 
 /// One variable, step by step.
@@ -85,7 +88,7 @@ pub struct Outlook {
 }
 
 /// The answer to [`WhatIf`](crate::question::WhatIf).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct WhatIfAnswer {
     /// How to take it.
     pub status: Status,

@@ -58,12 +58,8 @@ pub(super) fn no_effect(
         listed(&vars.iter().map(|&var| model.graph().names()[var].clone()).collect::<Vec<_>>())
     };
     let verb = if causes.len() == 1 { "has" } else { "have" };
-    format!(
-        "{} {verb} no effect on {} within {}: the graph has no path",
-        named(causes),
-        named(effects),
-        steps(model, within)
-    )
+    let (causes, effects, within) = (named(causes), named(effects), steps(model, within));
+    format!("{causes} {verb} no effect on {effects} within {within}: the graph has no path")
 }
 
 #[cfg(test)]

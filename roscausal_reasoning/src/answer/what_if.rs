@@ -5,12 +5,13 @@ use roscausal_discovery::quantile;
 use super::{
     Forecast, Outlook, Status, WhatIfAnswer, ambiguity, caveats,
     ensembles::{Outcomes, outcomes},
-    plan::Plan,
+    plan::{Plan, moved},
     sentences::{listed, short, steps, with_unit},
 };
 use crate::{
     model::{Schedule, StructuralModel},
     question::{Asked, Situation, WhatIf},
+    simulate::Stop,
 };
 
 /// Part of a variable's deviation below which an effect is none.
@@ -29,14 +30,22 @@ pub fn predict(
 
 /// What will happen under each action, or would have happened; and which is best.
 pub fn what_if(model: &StructuralModel, situation: &Situation<'_>, question: &WhatIf) -> WhatIfAnswer {
+    what_if_until(model, situation, question, &|| false)
+}
+
+/// As [`what_if`], until `stop` is true: then the answer is [`Status::Late`].
+pub fn what_if_until(
+    model: &StructuralModel,
+    situation: &Situation<'_>,
+    question: &WhatIf,
+    stop: Stop<'_>,
+) -> WhatIfAnswer {
     let refuse = |status, message: String| WhatIfAnswer {
         status,
         message,
         dt: model.facts.dt,
         model_id: model.id(),
-        outlooks: Vec::new(),
-        ranking: Vec::new(),
-        caveats: Vec::new(),
+        ..WhatIfAnswer::default()
     };
     let (graphs, refits) = (model.members().len(), model.settings().members);
     let asked = match question.checked(model.graph().names(), graphs, refits) {
@@ -49,9 +58,14 @@ pub fn what_if(model: &StructuralModel, situation: &Situation<'_>, question: &Wh
     }
     let free = Schedule::free(model.graph().len(), question.horizon);
     // What the actions are compared with, where graphs may disagree.
-    let of = |schedule: &Schedule| outcomes(model, situation, schedule, question, &needed);
+    let of = |schedule: &Schedule| outcomes(model, situation, schedule, question, &needed, stop);
     let baseline = (model.members().len() > 1).then(|| of(&free));
     let all: Vec<Outcomes> = asked.actions.iter().map(|(_, schedule)| of(schedule)).collect();
+    if stop() {
+        let reason =
+            "there was no answer within the question's patience; ask for a shorter horizon or fewer actions";
+        return refuse(Status::Late, reason.to_owned());
+    }
     let plan = Plan::of(model, &asked, &all, question.horizon);
     let refused = |k: usize| {
         all[k]
@@ -84,9 +98,22 @@ pub fn what_if(model: &StructuralModel, situation: &Situation<'_>, question: &Wh
         }
         outlooks.push(outlook);
     }
+    let depends = depends.or_else(|| {
+        let acting: Vec<usize> = asked.actions.iter().flat_map(|(_, schedule)| schedule.acting()).collect();
+        let named = if question.variables.is_empty() { &[][..] } else { &asked.variables };
+        let moved = asked.actions.iter().map(|(_, schedule)| moved(model, schedule, question.horizon));
+        let moved: Vec<Vec<bool>> = moved.collect();
+        let effects: Vec<usize> = named.iter().copied().chain(asked.targets()).collect();
+        let effects: Vec<usize> =
+            effects.into_iter().filter(|&var| moved.iter().any(|moved| moved[var])).collect();
+        caveats::shared_by(model, &acting, &effects)
+    });
     let reasons: Vec<&String> = (0..all.len()).filter_map(refused).collect();
     let (status, message) = if reasons.len() == all.len() {
         (Status::NotSupported, reasons.first().map_or(String::new(), |reason| (*reason).clone()))
+    } else if let Some(reason) = no_step(&all) {
+        // Answered as a guess, since the question allows it.
+        (Status::NotSupported, reason)
     } else if let Some(message) = depends {
         (Status::Ambiguous, message)
     } else if ranked && plan.ranking.is_empty() {
@@ -117,6 +144,15 @@ impl Outlook {
             (price.mean(), quantile(&costs, tail), quantile(&costs, 1.0 - tail));
         (self.probability_limits, self.probability_best) = (price.all_kept, plan.best[k]);
     }
+}
+
+/// Why the data carry no step of any action, if they carry none.
+fn no_step(all: &[Outcomes]) -> Option<String> {
+    let first = all.first().filter(|_| all.iter().all(|one| one.supported == 0))?;
+    let reason = first.refused.clone().or_else(|| first.unseen.clone());
+    Some(
+        reason.unwrap_or_else(|| "the data carry no step of any action; ask about another moment".to_owned()),
+    )
 }
 
 /// By variable: whether the answer is about it, or about something that it drives.
@@ -152,11 +188,8 @@ fn rows_there(
 ) -> Result<(), (Status, String)> {
     let (n, names, memory) = (model.graph().len(), model.graph().names(), model.graph_memory());
     if situation.rows.ncols() != n {
-        let message = format!(
-            "the rows have {} variables and the model has {n}: {}",
-            situation.rows.ncols(),
-            names.join(", ")
-        );
+        let (columns, names) = (situation.rows.ncols(), names.join(", "));
+        let message = format!("the rows have {columns} variables and the model has {n}: {names}");
         return Err((Status::NoModel, message));
     }
     let (rows, now) = (situation.rows.nrows(), situation.now);
@@ -168,11 +201,10 @@ fn rows_there(
     }
     let last = if question.counterfactual { now + question.horizon } else { now };
     if last >= rows {
+        let (rows, needed) = (rows - 1 - now, question.horizon);
         let message = format!(
-            "had-I asks about rows that were observed: {} follow the row that is asked about and {} are needed; choose an \
-             earlier time or a shorter horizon",
-            rows - 1 - now,
-            question.horizon
+            "had-I asks about rows that were observed: {rows} follow the row that is asked about and {needed} are needed; \
+             choose an earlier time or a shorter horizon"
         );
         return Err((Status::NoData, message));
     }
@@ -211,13 +243,19 @@ fn outlook(
     let tail = 0.5 * (1.0 - model.settings().interval);
     let shares = [tail, 0.25, 0.5, 0.75, 1.0 - tail];
     let forecast = |&var: &usize| {
+        // A speed or a distance: what was never below 0 does not go there.
+        let is_positive = model.samples().range(var).is_some_and(|(low, _)| low >= 0.0);
+        let floor = |value: f64| if is_positive { value.max(0.0) } else { value };
         let mut forecast = Forecast { variable: model.graph().names()[var].clone(), ..Forecast::default() };
         for step in 0..steps {
             let (mut means, mut medians) = (0.0, 0.0);
             let (mut lower, mut upper) = (f64::INFINITY, f64::NEG_INFINITY);
             let (mut inner_lower, mut inner_upper) = (lower, upper);
             for (outcome, member) in outcomes.all.iter().zip(model.members()) {
-                let [low, inner_low, median, inner_high, high] = outcome.paths.quantiles(step, var, shares);
+                let [low, inner_low, median, inner_high, high] = match question.counterfactual {
+                    true => outcome.paths.of_refits(step, var, model.settings().interval),
+                    false => outcome.paths.quantiles(step, var, shares),
+                };
                 let wider = match &member.quality {
                     Some(quality) if !schedule.is_set(step, var) && !question.counterfactual => {
                         quality.widening(step, var)
@@ -232,8 +270,8 @@ fn outlook(
                 inner_upper = inner_upper.max(inner_high + inner_by);
             }
             let members = outcomes.all.len() as f64;
-            let mean = means / members;
-            (lower, upper) = (lower.min(mean), upper.max(mean));
+            let mean = floor(means / members);
+            (lower, upper) = (floor(lower.min(mean)), floor(upper.max(mean)));
             let within = |value: f64| value.max(lower).min(upper);
             forecast.mean.push(mean);
             forecast.lower.push(lower);
@@ -341,6 +379,9 @@ fn text(
         }
         let why = match &plan.left_out[k] {
             Some(reason) => format!("not ranked: {reason}"),
+            None if plan.left_out.iter().flatten().count() + 1 == plan.left_out.len() => {
+                "no other action to compare it with".to_owned()
+            }
             None => format!("the best with probability {}", short(outlook.probability_best)),
         };
         sentences.push(format!("{cost}; {why}"));

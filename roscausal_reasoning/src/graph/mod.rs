@@ -6,7 +6,7 @@ mod orientations;
 use std::collections::{HashMap, HashSet};
 
 use roscausal_discovery::{
-    Error, Link, Model, Node, Result,
+    Error, Link, LinkMark, Model, Node, Result,
     text::{check_names, quoted},
 };
 
@@ -74,10 +74,8 @@ impl Graph {
             return Err(Error::param("graph", "it has no variable"));
         }
         if largest_lag > MOST_LAGS {
-            return Err(Error::param(
-                "graph",
-                format!("a largest lag of {largest_lag} is too large; lags are 0 to {MOST_LAGS}"),
-            ));
+            let reason = format!("a largest lag of {largest_lag} is too large; lags are 0 to {MOST_LAGS}");
+            return Err(Error::param("graph", reason));
         }
         if n.saturating_mul(n).saturating_mul(largest_lag + 1) > MOST_PLACES {
             let reason = format!(
@@ -88,34 +86,27 @@ impl Graph {
         check_names(&names).map_err(|error| Error::param("graph", error))?;
         let twice = |cause: usize, effect: usize, lag: usize| {
             let (cause, effect) = (quoted(&names[cause]), quoted(&names[effect]));
-            Err(Error::param(
-                "graph",
-                format!("the link {cause} -> {effect} at lag {lag} is there twice; keep one"),
-            ))
+            let reason = format!("the link {cause} -> {effect} at lag {lag} is there twice; keep one");
+            Err(Error::param("graph", reason))
         };
         let mut parents = vec![Vec::new(); n];
         for &Arrow { cause, effect, lag } in arrows {
             if cause >= n || effect >= n {
-                return Err(Error::param(
-                    "graph",
-                    format!("link {cause} -> {effect}: variables are 0 to {}", n - 1),
-                ));
+                let reason = format!("link {cause} -> {effect}: variables are 0 to {}", n - 1);
+                return Err(Error::param("graph", reason));
             }
             if lag > largest_lag || (lag == 0 && cause == effect) {
+                let (cause, effect) = (quoted(&names[cause]), quoted(&names[effect]));
                 let reason = format!(
-                    "link {} -> {} at lag {lag}: lags are 0 to {largest_lag}, and above 0 for a variable on itself",
-                    quoted(&names[cause]),
-                    quoted(&names[effect])
+                    "link {cause} -> {effect} at lag {lag}: lags are 0 to {largest_lag}, and above 0 for a variable on itself"
                 );
                 return Err(Error::param("graph", reason));
             }
             parents[effect].push(Node::new(cause, lag));
         }
         if let Some(pair) = pairs.iter().find(|pair| pair.a >= n || pair.b >= n || pair.a == pair.b) {
-            return Err(Error::param(
-                "graph",
-                format!("pair {} - {}: two of the variables 0 to {}", pair.a, pair.b, n - 1),
-            ));
+            let reason = format!("pair {} - {}: two of the variables 0 to {}", pair.a, pair.b, n - 1);
+            return Err(Error::param("graph", reason));
         }
         let either_way = |a: usize, b: usize| (a.min(b), a.max(b));
         let mut open = HashSet::new();
@@ -134,10 +125,8 @@ impl Graph {
             }
         }
         let Some(order) = order(&parents) else {
-            return Err(Error::param(
-                "graph",
-                "its links at lag 0 go round in a circle; turn or remove one of them",
-            ));
+            let reason = "its links at lag 0 go round in a circle; turn or remove one of them";
+            return Err(Error::param("graph", reason));
         };
         Ok(Self { names, largest_lag, parents, pairs: pairs.to_vec(), order })
     }
@@ -167,13 +156,13 @@ impl Graph {
                 places.get(name).copied().ok_or_else(missing)
             };
             let (cause, effect) = (find(&link.cause)?, find(&link.effect)?);
-            match link.mark.as_str() {
+            match link.mark {
                 _ if is_no_plain_cause(link) => {}
-                "-->" => arrows.push(Arrow { cause, effect, lag: link.lag }),
+                LinkMark::Forward => arrows.push(Arrow { cause, effect, lag: link.lag }),
                 mark => {
                     // A pair may be listed from both ends.
                     if open.insert((cause.min(effect), cause.max(effect))) {
-                        pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" });
+                        pairs.push(Pair { a: cause, b: effect, conflict: mark == LinkMark::Conflict });
                     }
                 }
             }
@@ -255,7 +244,7 @@ impl Graph {
 /// Whether a link of a model can be no cause that an equation stands for: `<->` says that something unrecorded is behind both, and a
 /// link from the past with an open mark (`o->`) that this may be so.
 pub fn is_no_plain_cause(link: &Link) -> bool {
-    link.mark == "<->" || (link.lag > 0 && link.mark != "-->")
+    link.mark == LinkMark::Bidirected || (link.lag > 0 && link.mark != LinkMark::Forward)
 }
 
 /// The topological order at lag 0, the smallest number first where several may follow (Kahn 1962); `None` for a circle.

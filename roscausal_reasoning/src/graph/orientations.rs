@@ -32,11 +32,10 @@ impl Graph {
         if pairs.len() > MOST_PAIRS {
             let listed: Vec<String> =
                 pairs.iter().map(|pair| format!("{} - {}", self.names[pair.a], self.names[pair.b])).collect();
+            let (n, listed) = (pairs.len(), listed.join(", "));
             return Err(Error::Data(format!(
-                "{} pairs of variables have no direction and at most {MOST_PAIRS} can be tried both ways: {}; direct some \
-                 of them in the model, or sample faster so that effects come after their causes",
-                pairs.len(),
-                listed.join(", ")
+                "{n} pairs of variables have no direction and at most {MOST_PAIRS} can be tried both ways: {listed}; direct \
+                 some of them in the model, or sample faster so that effects come after their causes"
             )));
         }
         let arrows: Vec<Arrow> = self.arrows().collect();

@@ -1,6 +1,6 @@
 //! The structural model on one directed graph: equations, joint noise, members, support.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 use roscausal_discovery::{Error, Node, Result};
@@ -21,24 +21,20 @@ const SHARED: f64 = 0.2;
 /// Joint rows of noise below which each variable's noise is drawn alone.
 const FEWEST_JOINT: usize = 30;
 
-/// How a structural model is fitted.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Settings {
-    /// Which equations.
-    pub equations: Equations,
-    /// Refits on bootstraps, which carry the uncertainty of the parameters.
-    pub members: usize,
-    /// Seed of all random numbers.
-    pub seed: u64,
-    /// Whether skill and calibration are measured on the last fifth of the rows.
-    pub check: bool,
-    /// Probability of an interval.
-    pub interval: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { equations: Equations::Auto, members: 20, seed: 42, check: true, interval: 0.9 }
+roscausal_discovery::with_defaults! {
+    /// How a structural model is fitted.
+    #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+    pub struct Settings {
+        /// Which equations.
+        pub equations: Equations = Equations::Auto,
+        /// Refits on bootstraps, which carry the uncertainty of the parameters.
+        pub members: usize = 20,
+        /// Seed of all random numbers.
+        pub seed: u64 = 42,
+        /// Whether skill and calibration are measured on the last fifth of the rows.
+        pub check: bool = true,
+        /// Probability of an interval.
+        pub interval: f64 = 0.9,
     }
 }
 
@@ -52,10 +48,8 @@ impl Settings {
             return Err(Error::param("members", format!("{} is not between 1 and 1000", self.members)));
         }
         if !(0.5..1.0).contains(&self.interval) {
-            return Err(Error::param(
-                "interval",
-                format!("{} is not a probability from 0.5 to below 1, such as 0.9", self.interval),
-            ));
+            let reason = format!("{} is not a probability from 0.5 to below 1, such as 0.9", self.interval);
+            return Err(Error::param("interval", reason));
         }
         Ok(())
     }
@@ -92,6 +86,7 @@ pub struct Directed {
     pub system: System,
     /// The equations on bootstraps of the rows.
     pub members: Vec<System>,
+    draws: Draws,
     /// By variable.
     pub summaries: Vec<Summary>,
     /// By variable.
@@ -150,7 +145,59 @@ impl Directed {
             deviations: deviations(samples),
             graph: graph.clone(),
             supports,
+            draws: Draws {
+                stretches: stretches(samples, &moments),
+                settings: settings.clone(),
+                fits,
+                made: OnceLock::new(),
+            },
         })
+    }
+
+    /// Equations that the true ones may be, for answers that only the equations make unsure: functions drawn from their posterior. They are
+    /// made when they are first asked for. Where only lines are fitted, the members are such.
+    pub(crate) fn plausible(&self) -> &[System] {
+        if self.draws.settings.equations == Equations::Linear {
+            return &self.members;
+        }
+        let made = self.draws.made.get_or_init(|| self.draws.make(&self.graph).unwrap_or_default());
+        if made.is_empty() { &self.members } else { made }
+    }
+}
+
+/// What draws of the equations are made of.
+#[derive(Debug)]
+struct Draws {
+    fits: Vec<std::result::Result<Fitted, String>>,
+    /// Moments by recording.
+    stretches: Vec<usize>,
+    settings: Settings,
+    made: OnceLock<Vec<System>>,
+}
+
+impl Draws {
+    fn make(&self, graph: &Graph) -> Result<Vec<System>> {
+        let of = |fit: &std::result::Result<Fitted, String>| fit.as_ref().ok().and_then(Fitted::scaled);
+        let processes: Vec<_> = self.fits.par_iter().map(of).collect();
+        let mut posteriors = Vec::new();
+        for of in &processes {
+            posteriors.push(match of {
+                Some((used, process)) => Some((&used[..], process.posterior()?)),
+                None => None,
+            });
+        }
+        let one = |b: usize| {
+            let counts = counts(&self.stretches, &self.settings, b);
+            let equation = |var: usize| {
+                let seed = random::at(random::at(self.settings.seed, b / 2, 7), var, 0);
+                let of = posteriors[var].as_ref().map(|(used, posterior)| (*used, posterior));
+                self.fits[var]
+                    .as_ref()
+                    .map_or(Ok(None), |fit| Ok(Some(Arc::new(fit.drawn(&counts, of, (seed, b % 2 == 1))?))))
+            };
+            Ok(system(graph, (0..self.fits.len()).map(equation).collect::<Result<_>>()?))
+        };
+        (0..self.settings.members).into_par_iter().map(one).collect()
     }
 }
 
@@ -163,6 +210,19 @@ fn system(graph: &Graph, equations: Vec<Option<Arc<Equation>>>) -> System {
     System { equations, order: graph.order().to_vec(), memory: graph.memory() }
 }
 
+/// Moments by recording.
+fn stretches(samples: &Samples, moments: &[Moment]) -> Vec<usize> {
+    let mut stretches = vec![0; samples.recordings().len()];
+    moments.iter().for_each(|&(recording, _)| stretches[recording] += 1);
+    stretches
+}
+
+/// How often each moment counts in a moving-block bootstrap.
+fn counts(stretches: &[usize], settings: &Settings, b: usize) -> Vec<u32> {
+    let block = random::block_length(stretches.iter().sum());
+    random::block_counts(random::at(settings.seed, b, 2), stretches, block)
+}
+
 /// Refits on moving-block bootstraps of the moments.
 fn members(
     graph: &Graph,
@@ -171,11 +231,9 @@ fn members(
     moments: &[Moment],
     settings: &Settings,
 ) -> Result<Vec<System>> {
-    let mut stretches = vec![0; samples.recordings().len()];
-    moments.iter().for_each(|&(recording, _)| stretches[recording] += 1);
+    let stretches = stretches(samples, moments);
     let member = |b: usize| {
-        let seed = random::at(settings.seed, b, 2);
-        let counts = random::block_counts(seed, &stretches, random::block_length(moments.len()));
+        let counts = counts(&stretches, settings, b);
         let equation = |fit: &std::result::Result<Fitted, String>| match fit {
             Ok(fit) => fit.resampled(&counts).map(|equation| Some(Arc::new(equation))),
             Err(_) => Ok(None),

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use roscausal_discovery::{
     Node, Result,
-    independence_tests::{GpRegression, TestSettings},
+    independence_tests::{GpPosterior, GpRegression, TestSettings},
 };
 
 use crate::{
@@ -37,6 +37,8 @@ pub enum Equations {
     /// Gaussian processes.
     Gp,
 }
+
+roscausal_discovery::words!(Equations, "equations": Auto "auto", Linear "linear", Gp "gp");
 
 /// A variable's expected value from its parents.
 #[derive(Debug)]
@@ -191,14 +193,22 @@ fn process(
     used: &[usize],
     known: Option<Option<Hyperparameters>>,
 ) -> Option<GpRegression> {
-    let pick = |row: &[f64]| thin(row.len(), GP_ROWS).map(|i| row[i]).collect::<Vec<f64>>();
-    let conditions: Vec<Vec<f64>> = used.iter().map(|&k| pick(&columns[k])).collect();
-    let target = pick(left);
+    let (target, conditions) = of_process(columns, left, used);
     match known {
         Some(None) => None,
         Some(Some((l, s))) => GpRegression::at(&target, &conditions, l, s).ok(),
         None => GpRegression::fit(&target, &conditions, &TestSettings::default()).ok(),
     }
+}
+
+/// What the line leaves and the parents' values, on the rows of a process.
+fn of_process(columns: &[Vec<f64>], left: &[f64], used: &[usize]) -> (Vec<f64>, Vec<Vec<f64>>) {
+    (thinned(left), used.iter().map(|&k| thinned(&columns[k])).collect())
+}
+
+/// The values on the rows of a process.
+fn thinned<T: Copy>(values: &[T]) -> Vec<T> {
+    thin(values.len(), GP_ROWS).map(|i| values[i]).collect()
 }
 
 /// Every `ceil(n / most)`-th of `0..n`.
@@ -218,14 +228,44 @@ impl Fitted {
     /// # Errors
     /// A resample on which the process has no covariance.
     pub(crate) fn resampled(&self, counts: &[u32]) -> Result<Equation> {
+        let (mut equation, left, counts) = self.line_on(counts);
+        if let Some((used, process)) = &self.equation.process {
+            equation.process = Some((used.clone(), process.resampled(&left, &thinned(&counts))?));
+        }
+        Ok(equation)
+    }
+
+    /// The line on rows that count as often as their moments do, what it leaves on the rows of a process, and the counts by row.
+    fn line_on(&self, counts: &[u32]) -> (Equation, Vec<f64>, Vec<u32>) {
         let counts: Vec<u32> = self.rows.iter().map(|&m| counts[m]).collect();
         let line = weighted(&self.target, &self.columns, Some(&counts));
-        let mut equation = Equation::line(&self.equation.parents, line.intercept, &line.coefficients);
-        if let Some((used, process)) = &self.equation.process {
-            let thinned: Vec<usize> = thin(self.rows.len(), GP_ROWS).collect();
-            let left: Vec<f64> = thinned.iter().map(|&i| line.residuals[i]).collect();
-            let counts: Vec<u32> = thinned.iter().map(|&i| counts[i]).collect();
-            equation.process = Some((used.clone(), process.resampled(&left, &counts)?));
+        let equation = Equation::line(&self.equation.parents, line.intercept, &line.coefficients);
+        (equation, thinned(&line.residuals), counts)
+    }
+
+    /// The process that draws are made of, and the parents that it reads. There is one where a line was taken, too: what bends a little is
+    /// forecast no better for it, but what would have been had a value been another is.
+    pub(crate) fn scaled(&self) -> Option<(Vec<usize>, GpRegression)> {
+        let used: Vec<usize> = (0..self.columns.len()).filter(|k| !self.line.dropped.contains(k)).collect();
+        let (target, conditions) = of_process(&self.columns, &self.line.residuals, &used);
+        let process = GpRegression::fit_scaled(&target, &conditions, &TestSettings::default());
+        process.ok().map(|process| (used, process))
+    }
+
+    /// An equation that the true one may be: a line on rows that count as often as their moments do, and a function drawn from the posterior
+    /// of what that leaves. Refits of a smooth function all smooth too much alike; draws do not.
+    ///
+    /// # Errors
+    /// None of a process that was fitted.
+    pub(crate) fn drawn(
+        &self,
+        counts: &[u32],
+        of: Option<(&[usize], &GpPosterior<'_>)>,
+        (seed, mirrored): (u64, bool),
+    ) -> Result<Equation> {
+        let (mut equation, left, _) = self.line_on(counts);
+        if let Some((used, posterior)) = of {
+            equation.process = Some((used.to_vec(), posterior.draw(&left, seed, mirrored)?));
         }
         Ok(equation)
     }

@@ -3,7 +3,7 @@
 
 use ndarray::Array2;
 use roscausal_discovery::{
-    Error, Result,
+    Error, LinkMark, Result,
     text::{check_nesting, check_step, is_share, quoted, reason_of},
 };
 use serde::{Deserialize, Serialize};
@@ -50,7 +50,7 @@ struct Link {
     cause: String,
     effect: String,
     lag: usize,
-    mark: String,
+    mark: LinkMark,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -90,18 +90,11 @@ impl StructuralModel {
     /// The model as JSON with a final newline: same seed, same bytes.
     pub fn to_json(&self) -> String {
         let name = |var: usize| self.graph().names()[var].clone();
-        let link = |cause, effect, lag, mark: &str| Link {
-            cause: name(cause),
-            effect: name(effect),
-            lag,
-            mark: mark.to_owned(),
-        };
-        let arrows = self.graph().arrows().map(|a: Arrow| link(a.cause, a.effect, a.lag, "-->"));
-        let pairs = self
-            .graph()
-            .pairs()
-            .iter()
-            .map(|p: &Pair| link(p.a, p.b, 0, if p.conflict { "x-x" } else { "o-o" }));
+        let link = |cause, effect, lag, mark| Link { cause: name(cause), effect: name(effect), lag, mark };
+        let arrows = self.graph().arrows().map(|a: Arrow| link(a.cause, a.effect, a.lag, LinkMark::Forward));
+        let pairs = self.graph().pairs().iter().map(|p: &Pair| {
+            link(p.a, p.b, 0, if p.conflict { LinkMark::Conflict } else { LinkMark::Unoriented })
+        });
         let cell = |value: &f64| value.is_finite().then_some(*value);
         let rows = |recording: &Array2<f64>| {
             recording.outer_iter().map(|row| row.iter().map(cell).collect()).collect()
@@ -160,13 +153,16 @@ impl StructuralModel {
         let (mut arrows, mut pairs) = (Vec::new(), Vec::new());
         for Link { cause, effect, lag, mark } in &file.links {
             let (cause, effect) = (find(cause)?, find(effect)?);
-            match mark.as_str() {
-                "-->" => arrows.push(Arrow { cause, effect, lag: *lag }),
-                "o-o" | "x-x" if *lag == 0 => {
-                    pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" })
+            match mark {
+                LinkMark::Forward => arrows.push(Arrow { cause, effect, lag: *lag }),
+                LinkMark::Unoriented | LinkMark::Conflict if *lag == 0 => {
+                    pairs.push(Pair { a: cause, b: effect, conflict: *mark == LinkMark::Conflict })
                 }
                 mark => {
-                    return Err(broken(&format!("{} at lag {lag} is not a mark of a link", quoted(mark))));
+                    return Err(broken(&format!(
+                        "{} at lag {lag} is not a mark of a link",
+                        quoted(mark.symbol())
+                    )));
                 }
             }
         }

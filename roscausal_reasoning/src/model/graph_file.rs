@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use roscausal_discovery::{
-    Error, Model, Result,
+    Error, LinkMark, Model, Result,
     text::{check_nesting, check_step, quoted, reason_of},
 };
 use serde::Deserialize;
@@ -37,11 +37,11 @@ struct Link {
     effect: String,
     lag: usize,
     #[serde(default = "directed")]
-    mark: String,
+    mark: LinkMark,
 }
 
-fn directed() -> String {
-    "-->".to_owned()
+fn directed() -> LinkMark {
+    LinkMark::Forward
 }
 
 /// The graph of a model file (`roscausal/model/2`), or of one written by hand, without the columns `context`.
@@ -87,12 +87,16 @@ pub fn graph_of_json(text: &str, context: &[String]) -> Result<(Graph, Facts)> {
     let (mut arrows, mut pairs) = (Vec::new(), Vec::new());
     for link in &links {
         let (cause, effect) = (find("a link names", &link.cause)?, find("a link names", &link.effect)?);
-        match (link.mark.as_str(), link.lag) {
-            ("-->", lag) => arrows.push(Arrow { cause, effect, lag }),
-            (mark @ ("o-o" | "x-x"), 0) => pairs.push(Pair { a: cause, b: effect, conflict: mark == "x-x" }),
+        match (link.mark, link.lag) {
+            (LinkMark::Forward, lag) => arrows.push(Arrow { cause, effect, lag }),
+            (mark @ (LinkMark::Unoriented | LinkMark::Conflict), 0) => {
+                pairs.push(Pair { a: cause, b: effect, conflict: mark == LinkMark::Conflict });
+            }
             (mark, lag) => {
-                let reason =
-                    format!("{} at lag {lag}: a link is -->, or at lag 0 also o-o or x-x", quoted(mark));
+                let reason = format!(
+                    "{} at lag {lag}: a link is -->, or at lag 0 also o-o or x-x",
+                    quoted(mark.symbol())
+                );
                 return Err(Error::param("mark", reason));
             }
         }

@@ -1,6 +1,6 @@
 //! The structural model: a graph, the rows it was fitted on, and one set of equations for each graph that it may stand for.
 
-use roscausal_discovery::{DataFrame, Error, Model, Result};
+use roscausal_discovery::{DataFrame, Error, Model, Result, methods::Status};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -47,7 +47,7 @@ impl Facts {
     /// What a model says.
     pub fn of_model(model: &Model) -> Self {
         let mut warnings = Vec::new();
-        if model.status != "complete" {
+        if model.status != Status::Complete {
             warnings.push(format!("the model is {}: links may be missing", model.status));
         }
         let left_out = |link: &&roscausal_discovery::Link| is_no_plain_cause(link);
@@ -122,10 +122,11 @@ impl StructuralModel {
             return Self::of_samples(samples, graph, settings);
         }
         let names: Vec<&str> = empty.iter().map(|&var| graph.names()[var].as_str()).collect();
-        let told = format!("without a value in the data, and left out of the model: {}", names.join(", "));
+        let reported =
+            format!("without a value in the data, and left out of the model: {}", names.join(", "));
         let rest = graph.only(&there)?;
         let mut model = Self::of_samples(Samples::new(data, &rest, acts_on)?, &rest, settings)?;
-        model.facts.warnings.push(told);
+        model.facts.warnings.push(reported);
         Ok(model)
     }
 

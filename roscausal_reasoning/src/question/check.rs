@@ -140,10 +140,9 @@ impl Action {
     fn schedule(&self, all: &[String], horizon: usize) -> Checked<Schedule> {
         let mut schedule = Schedule::free(all.len(), horizon);
         if self.interventions.is_empty() && self.name.trim().to_lowercase() != GO_ON {
+            let (name, last) = (&self.name, all.last().map_or("x", String::as_str));
             return Err(format!(
-                "action '{}' does nothing: give it an intervention, such as {}=0@1..{horizon}, or call it '{GO_ON}'",
-                self.name,
-                all.last().map_or("x", String::as_str)
+                "action '{name}' does nothing: give it an intervention, such as {last}=0@1..{horizon}, or call it '{GO_ON}'"
             ));
         }
         for one in &self.interventions {

@@ -107,50 +107,36 @@ pub struct Limit {
     pub probability: f64,
 }
 
-/// What if: what will happen under each action, and which is best.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct WhatIf {
-    /// Had I: the same rows again, with the noise they had, under the actions.
-    pub counterfactual: bool,
-    /// Steps ahead.
-    pub horizon: usize,
-    /// The actions; none: [`Action::go_on`].
-    pub actions: Vec<Action>,
-    /// The variables of the answer; none: all.
-    pub variables: Vec<String>,
-    /// The cost by which actions are ranked.
-    pub cost: Vec<CostTerm>,
-    /// The bounds that an action must keep.
-    pub limits: Vec<Limit>,
-    /// Whether to answer where the data do not reach.
-    pub allow_extrapolation: bool,
-    /// Simulated paths.
-    pub paths: usize,
-    /// Seed of the paths.
-    pub seed: u64,
+roscausal_discovery::with_defaults! {
+    /// What if: what will happen under each action, and which is best.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(default)]
+    pub struct WhatIf {
+        /// Had I: the same rows again, with the noise they had, under the actions.
+        pub counterfactual: bool = false,
+        /// Steps ahead.
+        pub horizon: usize = 10,
+        /// The actions; none: [`Action::go_on`].
+        pub actions: Vec<Action> = Vec::new(),
+        /// The variables of the answer; none: all.
+        pub variables: Vec<String> = Vec::new(),
+        /// The cost by which actions are ranked.
+        pub cost: Vec<CostTerm> = Vec::new(),
+        /// The bounds that an action must keep.
+        pub limits: Vec<Limit> = Vec::new(),
+        /// Whether to answer where the data do not reach.
+        pub allow_extrapolation: bool = false,
+        /// Simulated paths.
+        pub paths: usize = 400,
+        /// Seed of the paths.
+        pub seed: u64 = 42,
+    }
 }
 
 impl WhatIf {
     /// The steps that an answer has, of those that the data carry. A forecast ends there; rows that were observed go on.
     pub(crate) fn answered_steps(&self, supported: usize) -> usize {
         if self.allow_extrapolation || self.counterfactual { self.horizon } else { supported }
-    }
-}
-
-impl Default for WhatIf {
-    fn default() -> Self {
-        Self {
-            counterfactual: false,
-            horizon: 10,
-            actions: Vec::new(),
-            variables: Vec::new(),
-            cost: Vec::new(),
-            limits: Vec::new(),
-            allow_extrapolation: false,
-            paths: 400,
-            seed: 42,
-        }
     }
 }
 
