@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use pyo3::{prelude::*, types::PyString};
 use roscausal_discovery::{
-    CondIndTest, DataProfile, Error, Levelled, Result, analyse, analyse_with,
+    CondIndTest, DataProfile, Error, Fault, Levelled, Result, analyse, analyse_with,
     confidence::{analyse_resampled, set_step},
     independence_tests::{self, by_name},
     lock,
@@ -16,7 +16,7 @@ use serde_json::json;
 use crate::{
     errors::{named, raised},
     frame::Frame,
-    settings::{Given, for_data, of_analysis, of_step, of_test},
+    settings::{Given, for_data, of_analysis, of_step, of_test, oracle_of},
     user_test::{Failure, UserTest},
     watched::{Means, watched},
 };
@@ -27,6 +27,9 @@ pub(crate) fn test_of(
     tau_max: usize,
 ) -> Result<(Box<dyn CondIndTest>, Option<Failure>)> {
     if let Ok(json) = test.cast::<PyString>() {
+        if let Some(oracle) = oracle_of(&json.to_string_lossy())? {
+            return Ok((Box::new(oracle), None));
+        }
         let (name, settings) = of_test(&json.to_string_lossy())?;
         return Ok((by_name(&name, &settings)?, None));
     }
@@ -81,7 +84,18 @@ pub(crate) fn discover(
     let start = Instant::now();
     let (data, settings) = for_data(&request, frame.data()).map_err(raised)?;
     // What the command refuses, its own caller may want; what the data are like is told.
-    let (profile, _) = DataProfile::of(&data, settings.tau_max);
+    let (mut profile, faults) = DataProfile::of(&data, settings.tau_max);
+    profile.remarks.extend(faults.into_iter().map(|fault| match fault {
+        Fault::MissingFlag { name, value, count } => {
+            format!("{name} is {value} in {count} rows, far from all its other values: it seems to stand for a missing value")
+        }
+        Fault::Twins(a, b) => {
+            format!("{a} and {b} say the same (correlation 1): no test can tell which of them drives anything")
+        }
+        Fault::SameRecording(a, b) => {
+            format!("recordings {a} and {b} hold the same rows: counted twice, they would make any link significant")
+        }
+    }));
     let each: Vec<usize> = (0..data.recordings().len()).collect();
     let Levelled { data, settings, note } =
         Levelled::of(std::sync::Arc::unwrap_or_clone(data), &each, settings);

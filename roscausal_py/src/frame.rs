@@ -27,7 +27,7 @@ impl Frame {
 #[pymethods]
 impl Frame {
     #[new]
-    #[pyo3(signature = (recordings, names, masks=None, mask_type="", remove_missing_upto_maxlag=false, reference_points=None))]
+    #[pyo3(signature = (recordings, names, masks=None, mask_type="", remove_missing_upto_maxlag=false, reference_points=None, vectors=vec![]))]
     fn new(
         recordings: Vec<PyReadonlyArray2<'_, f64>>,
         names: Vec<String>,
@@ -35,9 +35,13 @@ impl Frame {
         mask_type: &str,
         remove_missing_upto_maxlag: bool,
         reference_points: Option<Vec<PyReadonlyArray1<'_, bool>>>,
+        vectors: Vec<(String, Vec<usize>)>,
     ) -> PyResult<Self> {
         let recordings = recordings.iter().map(|recording| recording.as_array().to_owned()).collect();
         let mut data = DataFrame::new(recordings, names).map_err(raised)?;
+        if !vectors.is_empty() {
+            data = data.with_vectors(&vectors).map_err(raised)?;
+        }
         if let Some(masks) = masks {
             let masks = masks.iter().map(|mask| mask.as_array().to_owned()).collect();
             data = data.with_mask(masks, mask_type.parse().map_err(raised)?).map_err(raised)?;

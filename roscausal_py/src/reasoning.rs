@@ -134,7 +134,7 @@ impl Structural {
 fn answered(status: Status, message: &str) -> PyResult<()> {
     match status {
         Status::BadRequest => Err(SettingError::new_err(message.to_owned())),
-        Status::NoModel | Status::NoData => Err(DataError::new_err(message.to_owned())),
+        Status::NoModel | Status::NoData | Status::Late => Err(DataError::new_err(message.to_owned())),
         Status::Ok | Status::NotSupported | Status::Ambiguous => Ok(()),
     }
 }
@@ -147,8 +147,7 @@ fn json(answer: &impl serde::Serialize) -> String {
 fn of_fit(given: &mut Given) -> Result<(Settings, ActsOn)> {
     let mut settings = Settings::default();
     if let Some(word) = given.take("equations") {
-        let allowed = || Error::param("equations", format!("{word} is unknown; allowed: auto, linear, gp"));
-        settings.equations = serde_json::from_value(word.clone()).map_err(|_| allowed())?;
+        settings.equations = word_of(&word).parse()?;
     }
     set(&mut settings.seed, given.count("seed")?.map(|seed| seed as u64));
     let acts_on = match given.take("acts_on") {

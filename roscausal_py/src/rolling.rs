@@ -46,8 +46,8 @@ pub(crate) fn roll(
     let control: Control = means.control(cancel.clone()).map_err(raised)?;
     let (threads, count) = (means.threads, done.clone());
     let report = || {
-        let told = progress.as_ref().map(|tell| tell.call1((done.load(Ordering::Relaxed), total)));
-        told.transpose().map(drop)
+        let reported = progress.as_ref().map(|tell| tell.call1((done.load(Ordering::Relaxed), total)));
+        reported.transpose().map(drop)
     };
     let found = wait(py, &cancel, report, move || {
         in_pool(threads, || {

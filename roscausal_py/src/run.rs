@@ -6,8 +6,9 @@ use pyo3::{prelude::*, types::PyDict};
 use roscausal_discovery::{
     CondIndTest, Control, DataFrame, Error, LinkMark, Node, Result, Samples,
     methods::{
-        self, PcmciPlusSettings, PcmciResult, PcmciSettings, Status, get_lagged_dependencies, run_bivci,
-        run_fullci, run_mci, run_pc_stable, run_pcmci, run_pcmciplus,
+        self, JpcmciPlusSettings, LpcmciSettings, PcmciPlusSettings, PcmciResult, PcmciSettings, Status,
+        get_lagged_dependencies, run_bivci, run_fullci, run_jpcmciplus, run_lpcmci, run_mci, run_pc_stable,
+        run_pcmci, run_pcmciplus,
     },
 };
 
@@ -15,7 +16,7 @@ use crate::{
     discover::{means, own_exception, test_of},
     errors::raised,
     frame::Frame,
-    settings::{Given, of_method, parents_of},
+    settings::{Given, of_contexts, of_latent, of_method, parents_of},
     watched::{Means, watched},
 };
 
@@ -25,6 +26,8 @@ struct Job {
     settings: PcmciSettings,
     plus: PcmciPlusSettings,
     parents: Option<Vec<Vec<Node>>>,
+    latent: LpcmciSettings,
+    joint: JpcmciPlusSettings,
 }
 
 impl Job {
@@ -37,6 +40,12 @@ impl Job {
             ("fullci", _) => run_fullci(data, test, settings, control),
             ("bivci", _) => run_bivci(data, test, settings, control),
             ("lagged_dependencies", _) => get_lagged_dependencies(data, test, settings, control),
+            ("lpcmci", _) => run_lpcmci(data, test, &self.latent, control).map(|found| found.result),
+            ("jpcmciplus", _) => {
+                let (pcmci, plus) = (settings.clone(), self.plus.clone());
+                let joint = JpcmciPlusSettings { pcmci, plus, ..self.joint.clone() };
+                run_jpcmciplus(data, test, &joint, control).map(|found| found.result)
+            }
             ("mci", Some(parents)) => run_mci(data, test, settings, parents, control),
             (other, _) => Err(Error::param("method", format!("'{other}' is not known here"))),
         }
@@ -60,9 +69,11 @@ pub(crate) fn run<'py>(
     let means = means(&mut given, progress).map_err(raised)?;
     let parents = given.take("parents").map(|list| parents_of(&list)).transpose().map_err(raised)?;
     let (settings, plus) = of_method(&mut given, data.n_vars()).map_err(raised)?;
+    let latent = of_latent(&mut given, &settings).map_err(raised)?;
+    let joint = of_contexts(&mut given).map_err(raised)?;
     given.end().map_err(raised)?;
     let (test, failure) = test_of(test, settings.tau_max).map_err(raised)?;
-    let job = Job { method: method.to_owned(), settings, plus, parents };
+    let job = Job { method: method.to_owned(), settings, plus, parents, latent, joint };
     let found = watched(py, &means, move |control| job.run(&data, test.as_ref(), control));
     as_dict(py, found.map_err(|error| own_exception(failure.as_ref(), error))?)
 }
@@ -142,12 +153,8 @@ pub(crate) fn run_test(
     let (x, y, z): (_, _, Vec<Node>) = (node(x), node(y), z.into_iter().map(node).collect());
     let outside = |node: &&Node| node.var >= data.n_vars() || node.lag > cut_off;
     if let Some(node) = [x, y].iter().chain(&z).find(outside) {
-        let reason = format!(
-            "({}, -{}) is outside: variables are 0 to {}, lags at most {cut_off}",
-            node.var,
-            node.lag,
-            data.n_vars() - 1
-        );
+        let (var, lag, last) = (node.var, node.lag, data.n_vars() - 1);
+        let reason = format!("({var}, -{lag}) is outside: variables are 0 to {last}, lags at most {cut_off}");
         return Err(raised(Error::param("node", reason)));
     }
     let (test, failure) = test_of(test, cut_off).map_err(raised)?;

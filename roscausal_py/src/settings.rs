@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use roscausal_discovery::{
-    DataFrame, Error, LinkAssumptions, Node, Result,
-    independence_tests::TestSettings,
-    methods::{PcmciPlusSettings, PcmciSettings},
+    DataFrame, Dummy, Error, LinkAssumptions, Node, Result,
+    independence_tests::{OracleCi, TestSettings},
+    methods::{JpcmciPlusSettings, LpcmciSettings, NodeClass, PcmciPlusSettings, PcmciSettings},
     names::nearest,
     settings::{Request, SETTINGS, Setting, Settings},
 };
@@ -146,6 +146,52 @@ pub(crate) fn of_method(given: &mut Given, n_vars: usize) -> Result<(PcmciSettin
     Ok((settings, plus))
 }
 
+/// What LPCMCI reads beside the settings of all methods.
+pub(crate) fn of_latent(given: &mut Given, shared: &PcmciSettings) -> Result<LpcmciSettings> {
+    let mut settings = LpcmciSettings {
+        tau_min: shared.tau_min,
+        tau_max: shared.tau_max,
+        link_assumptions: shared.link_assumptions.clone(),
+        max_p_global: given.count("max_p_global")?,
+        max_p_non_ancestral: given.count("max_p_non_ancestral")?,
+        max_q_global: given.count("max_q_global")?,
+        max_pds_set: given.count("max_pds_set")?,
+        ..LpcmciSettings::default()
+    };
+    set(&mut settings.pc_alpha, shared.pc_alpha.first().copied());
+    set(&mut settings.n_preliminary_iterations, given.count("n_preliminary_iterations")?);
+    set(&mut settings.max_cond_px, given.count("max_cond_px")?);
+    set(&mut settings.prelim_with_collider_rules, given.flag("prelim_with_collider_rules")?);
+    set(&mut settings.non_ancestral_phase, given.flag("non_ancestral_phase")?);
+    Ok(settings)
+}
+
+/// What each variable is to J-PCMCI+, the dummies last.
+pub(crate) fn of_contexts(given: &mut Given) -> Result<JpcmciPlusSettings> {
+    let (mut classes, mut dummies) = (Vec::new(), Vec::new());
+    for word in given.words("node_classification")? {
+        match word.as_str() {
+            "system" => classes.push(NodeClass::System),
+            "space_context" => classes.push(NodeClass::SpaceContext),
+            "time_context" => classes.push(NodeClass::TimeContext),
+            "space_dummy" => dummies.push(Dummy::Space),
+            "time_dummy" => dummies.push(Dummy::Time),
+            other => {
+                let known = "system, space_context, time_context, space_dummy, time_dummy";
+                return Err(Error::param("node_classification", format!("'{other}' is not one of {known}")));
+            }
+        }
+    }
+    Ok(JpcmciPlusSettings { classes, dummies, ..JpcmciPlusSettings::default() })
+}
+
+/// The oracle that the JSON of a test's name and settings describes, if it does.
+pub(crate) fn oracle_of(json: &str) -> Result<Option<OracleCi>> {
+    let mut given = Given::read(json)?;
+    let (Some(links), Some(n_vars)) = (given.take("links"), given.count("n_vars")?) else { return Ok(None) };
+    OracleCi::new(&links_of(&links, n_vars)?).map(Some)
+}
+
 /// Puts a value that is given into its place.
 pub(crate) fn set<T>(place: &mut T, value: Option<T>) {
     if let Some(value) = value {
@@ -160,10 +206,8 @@ fn links_of(value: &Value, n_vars: usize) -> Result<LinkAssumptions> {
         let at = |k: usize| link[k].as_u64().and_then(|v| usize::try_from(v).ok());
         let (Some(cause), Some(effect), Some(lag), Some(mark)) = (at(0), at(1), at(2), link[3].as_str())
         else {
-            return Err(Error::param(
-                "link_assumptions",
-                format!("{link} is not [cause, effect, lag, mark]"),
-            ));
+            let reason = format!("{link} is not [cause, effect, lag, mark]");
+            return Err(Error::param("link_assumptions", reason));
         };
         links.insert(cause, effect, lag, mark.parse()?)?;
     }

@@ -66,9 +66,10 @@ pub(crate) fn watched<T: Send + 'static>(
     done.map_err(raised)
 }
 
-/// Runs `work` in a pool of its own of this many threads (0: all cores).
+/// Runs `work` in a pool of its own of this many threads, at most as many as cores (0: all cores).
 pub(crate) fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.min(cores)).build();
     pool.map_err(|e| Error::param("threads", e))?.install(work)
 }
 

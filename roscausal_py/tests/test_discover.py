@@ -1,5 +1,6 @@
 """`rc.discover`: what it takes, what it gives, and what the command gives."""
 
+import copy
 import inspect
 import json
 import multiprocessing
@@ -88,7 +89,7 @@ def test_time_gives_the_step_and_is_no_variable(chain, quick):
     times = np.arange(300) * 0.25
     model = rc.discover({"time": times, "a": chain[:, 0], "b": chain[:, 1]}, **quick)
     assert model.dt == 0.25 and model.features == ["a", "b"]
-    with pytest.raises(rc.DataError, match="does not rise at row 3"):
+    with pytest.raises(rc.DataError, match="row 4, column 'time': time goes back"):
         rc.discover({"time": np.where(np.arange(300) == 3, 0, times), "a": chain[:, 0], "b": chain[:, 1]}, **quick)
 
 
@@ -527,3 +528,52 @@ def test_a_setting_of_the_wrong_kind_is_refused_by_its_name(given, says):
     x = np.random.default_rng(5).normal(size=(200, 2))
     with pytest.raises(rc.SettingError, match=says):
         rc.discover(x, **({"method": "pcmci", "test": "parcorr"} | given))
+
+
+def test_settings_of_reading_are_keywords(chain, quick):
+    columns = {name: chain[:, k] for k, name in enumerate("abc")}
+    some = rc.discover({**columns, "on": np.arange(300) % 4 > 0}, where="on > 0", columns=list("abc"), **quick)
+    assert some.links[0].n_used < rc.discover(columns, **quick).links[0].n_used and some.features == ["a", "b", "c"]
+    assert rc.discover(columns, rows="1..150", **quick) == rc.discover({name: each[:150] for name, each in columns.items()}, **quick)
+    changes = rc.discover(np.vstack([[[np.nan] * 3], np.diff(chain, axis=0)]), columns=list("abc"), **quick)
+    assert np.allclose(rc.discover(chain, columns=list("abc"), difference=True, **quick).val_matrix, changes.val_matrix, equal_nan=True)
+    added = rc.discover(columns, features=["s = a + c"], columns=["b"], **quick)
+    assert set(added.features) == {"b", "s"}
+    flagged = np.where(np.arange(300)[:, None] % 50 == 3, -999.0, chain)
+    missing = rc.discover(np.where(flagged == -999, np.nan, flagged), **quick)
+    assert np.array_equal(rc.discover(flagged, missing_value=-999, **quick).p_matrix, missing.p_matrix, equal_nan=True)
+    with pytest.raises(rc.SettingError, match="where.*read already"):
+        rc.discover(rc.Recordings(list("abc"), [chain]), where="a > 0", **quick)
+    with pytest.raises(rc.SettingError, match="wher"):
+        rc.discover(columns, wher="a > 0", **quick)
+
+
+def test_a_test_of_the_moved_in_user_is_a_test(chain, quick):
+    from roscausal.tigramite.independence_tests.parcorr import ParCorr
+
+    own = rc.discover(chain, method="pcmci", test=ParCorr(), tau_max=2)
+    assert np.array_equal(own.p_matrix, rc.discover(chain, **quick).p_matrix, equal_nan=True)
+    assert own.settings["cond_ind_test"] == "parcorr"
+
+
+def test_constant_and_doubled_columns_are_remarks(chain, quick):
+    model = rc.discover(np.column_stack([chain, np.ones(300), 2 * chain[:, 0]]), **quick)
+    assert any("x0 and x4 say the same" in each for each in model.warnings)
+    assert any("x3" in each for each in model.warnings), model.warnings
+
+
+def test_copies_and_pickles_keep_the_data_and_the_fit(chain, quick):
+    model = rc.discover(chain, columns=list("abc"), **quick)
+    for again in (copy.copy(model), copy.deepcopy(model), pickle.loads(pickle.dumps(model))):
+        assert again == model and again.predict(3)["go on"]["b"].mean.shape == (3,)
+        assert "svg" in again.series()._repr_svg_()
+    structural = model.structural()
+    for again in (copy.deepcopy(structural), pickle.loads(pickle.dumps(structural))):
+        assert np.array_equal(again.effect("a", "b").total, structural.effect("a", "b").total)
+
+
+def test_rows_of_lists_and_numbers_as_names_are_data(chain, quick):
+    assert rc.discover(chain.tolist(), **quick) == rc.discover(chain, **quick)
+    assert rc.discover(chain, columns=[0, 1, 2], **quick).features == ["0", "1", "2"]
+    with pytest.raises(rc.SettingError, match="exogenous.*one word"):
+        rc.discover(chain, exogenous="ab", **quick)

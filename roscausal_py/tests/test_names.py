@@ -38,7 +38,7 @@ PUBLIC = public()
 @pytest.mark.parametrize("name", PUBLIC)
 def test_a_public_name_has_a_docstring_with_an_example(name):
     text = inspect.getdoc(PUBLIC[name]) or ""
-    assert ">>> " in text or name.endswith(".CondIndTest"), f"{name} has no example"
+    assert ">>> " in text or name.endswith((".CondIndTest", "._Modules")), f"{name} has no example"
 
 
 @pytest.mark.parametrize("name", [name for name, value in PUBLIC.items() if inspect.isclass(value)])

@@ -53,6 +53,7 @@ class Frame:
         mask_type: str = "",
         remove_missing_upto_maxlag: bool = False,
         reference_points: Sequence[NDArray[np.bool_]] | None = None,
+        vectors: Sequence[tuple[str, Sequence[int]]] = ...,
     ) -> Frame: ...
     def bootstrap(self, seed: int, number: int, block: str, first: int) -> Frame: ...
 

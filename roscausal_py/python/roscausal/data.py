@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
+import tempfile
+import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,8 +16,8 @@ from numpy.typing import NDArray
 from . import _native
 from ._native import DataError, SettingError
 
-#: The column that holds seconds and is not a variable.
-TIME = "time"
+#: What an index without a name is called where it holds times, and where it says which recording a row is of.
+TIME, RECORDING = "time", "recording"
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +40,11 @@ class Recordings:
     """
 
     names: list[str]
-    arrays: list[NDArray[np.float64]]
+    arrays: list[NDArray[np.float64]] = field(repr=False)
     dt: float | None = None
     exogenous: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
-    masked: list[NDArray[np.bool_]] = field(default_factory=list)
+    masked: list[NDArray[np.bool_]] = field(default_factory=list, repr=False)
 
     def __len__(self) -> int:
         return len(self.arrays)
@@ -123,37 +126,131 @@ def read(*paths: str | os.PathLike[str], **options: object) -> Recordings:
     if not paths:
         raise SettingError("setting 'paths': give at least one file")
     found = _native.read([os.fspath(path) for path in paths], _flags(options))
-    return Recordings(
-        found["names"], found["arrays"], found["dt"], found["exogenous"], found["warnings"], found["masked"]
-    )  # fmt: skip
+    # The reader's notes have the command's flags.
+    notes = [re.sub(r"--([a-z][a-z-]*[a-z])", lambda flag: flag[1].replace("-", "_"), note) for note in found["warnings"]]
+    return Recordings(found["names"], found["arrays"], found["dt"], found["exogenous"], notes, found["masked"])
 
 
 def _flags(options: Mapping[str, object]) -> list[str]:
     """`person=7` as `--person=7`."""
     flags = []
     for name, value in options.items():
-        flag = "--" + name.replace("_", "-")
+        flag = "--" + ("feature" if name == "features" else name.replace("_", "-"))
         if isinstance(value, Mapping):
             flags += [f"{flag}={key}={each}" for key, each in value.items()]
+        elif flag == "--feature" and not isinstance(value, str) and value is not None:
+            flags += [f"{flag}={each}" for each in value]  # type: ignore[attr-defined]
         elif isinstance(value, (list, tuple)):
             flags.append(f"{flag}={','.join(str(each) for each in value)}")
-        elif value is not None:
-            flags.append(f"{flag}={value}")
+        elif value is not None and value is not False:
+            flags.append(flag if value is True else f"{flag}={value}")
     return flags
 
 
-def recordings_of(data: Any, columns: Sequence[str] | None = None) -> Recordings:
-    """Whatever a user gives as recordings: see `rc.discover`."""
+def recordings_of(data: Any, columns: Sequence[Any] | None = None, **reading: Any) -> Recordings:
+    """Whatever a user gives as recordings, read with these options of `rc.read`: see `rc.discover`."""
     if isinstance(columns, str):
         raise SettingError("setting 'columns': it is one word; give a list of names")
-    found, named = _convert(data, columns)
-    if columns is None:
-        return found
-    if not named and len(columns) == len(found.names):
-        return Recordings(list(columns), found.arrays, found.dt, found.exogenous, found.warnings, found.masked)
-    if not named:
-        raise SettingError(f"setting 'columns': {len(columns)} names for {len(found.names)} columns")
-    return found.select(columns)
+    names = None if columns is None else [str(name) for name in columns]
+    reading = {name: value for name, value in reading.items() if value is not None and value is not False}
+    parts = list(data) if isinstance(data, (list, tuple)) else [data]
+    if not parts:
+        raise DataError("no data: the list of recordings is empty")
+    if all(np.isscalar(part) and not isinstance(part, str) for part in parts) and isinstance(data, (list, tuple)):
+        raise DataError("a list of numbers is one variable; a cause and an effect need at least two, as an array (T, N)")
+    if all(isinstance(part, (list, tuple)) and part and np.isscalar(part[0]) for part in parts):
+        parts = [np.asarray(parts)]
+    if any(isinstance(part, Recordings) for part in parts):
+        for name in reading:
+            if name != "dt":
+                raise SettingError(f"setting '{name}': these data are read already; give it to rc.read")
+        found = _joined([part if isinstance(part, Recordings) else recordings_of(part) for part in parts])
+        return found if names is None else found.select(names)
+    if all(isinstance(part, np.ndarray) for part in parts):
+        arrays = [array_of(part) for part in parts]
+        widths = [array.shape[1] for array in arrays]
+        odd = next((k for k, width in enumerate(widths) if width != widths[0]), None)
+        if odd is not None:
+            raise DataError(f"recording {odd} has {widths[odd]} columns, but recording 0 has {widths[0]}")
+        if names is not None and len(names) != widths[0]:
+            raise SettingError(f"setting 'columns': {len(names)} names for {widths[0]} columns")
+        called = [f"x{k}" for k in range(widths[0])] if names is None else names
+        if set(reading) <= {"dt"}:
+            return Recordings(called, arrays)
+        parts, names = [dict(zip(called, array.T)) for array in arrays], None
+        reading.setdefault("keep", "all")
+    # Commas part the names that the reader takes.
+    told = names is not None and not any(set(name) & set(',"') for name in names)
+    with tempfile.TemporaryDirectory() as folder:
+        files: list[Any] = []
+        for number, part in enumerate(parts):
+            if isinstance(part, (str, os.PathLike)):
+                files.append(part)
+                continue
+            table, recording = _table(part)
+            if recording:
+                reading.setdefault("recording", RECORDING)
+            files.append(os.path.join(folder, "data.npz" if len(parts) == 1 else f"recording {number}.npz"))
+            which = list(table.get(str(reading.get("recording")), ()))
+            if len(which):
+                places = {one: place for place, one in enumerate(dict.fromkeys(map(str, which)))}
+                table[str(reading["recording"])] = [places[str(one)] for one in which]
+            _save(files[-1], {name: _plain(name, column) for name, column in table.items()})
+        if told:
+            reading["columns"] = names
+        try:
+            found = _read_as_told(files, reading)
+        except (DataError, SettingError) as error:
+            raise type(error)(str(error).replace(folder + os.sep, "").replace(".npz", "")) from None
+        notes = [note.replace(folder + os.sep, "").replace(".npz", "") for note in found.warnings]
+    found = Recordings(found.names, found.arrays, found.dt, found.exogenous, notes, found.masked)
+    return found if names is None or told else found.select(names)
+
+
+def _read_as_told(files: Sequence[Any], reading: dict[str, Any]) -> Recordings:
+    try:
+        return read(*files, **reading)
+    except DataError as error:
+        # Without times, dt says the step and nothing is resampled.
+        if "dt" not in reading or "resample" in reading or "it has no times" not in str(error):
+            raise
+        return read(*files, **{name: value for name, value in reading.items() if name != "dt"})
+
+
+def _save(path: str, table: Mapping[str, NDArray[Any]]) -> None:
+    lengths = {len(column) for column in table.values()}
+    if not table:
+        raise DataError("no data: the table has no column")
+    if len(lengths) != 1:
+        sizes = _native.visible(", ".join(f"{name}: {len(column)}" for name, column in table.items()))
+        raise DataError(f"the series have different lengths ({sizes}); give all of one recording the same times")
+    # savez takes names as keywords, and one of them as its own.
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, column in table.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, np.ascontiguousarray(column), allow_pickle=False)
+
+
+def _plain(name: str, column: Any) -> Any:
+    """A column as numbers, times or words."""
+    column = np.asanyarray(column)
+    if isinstance(column, np.ma.MaskedArray):
+        column = np.ma.filled(column.astype(np.float64), np.nan)  # type: ignore[no-untyped-call, unused-ignore]
+    if column.ndim != 1:
+        raise DataError(f"{_native.visible(repr(name))} has shape {column.shape}; a column is (T,)")
+    if column.dtype.kind == "M":
+        return column.astype("datetime64[ns]")
+    if column.dtype.kind == "m":
+        return column.astype("timedelta64[ns]").astype(np.int64) / 1e9
+    if column.dtype.kind not in "OUST":
+        return column
+    gone = np.array([value is None or str(value) in ("<NA>", "nan", "NaT", "None") for value in column])
+    try:
+        if column.dtype.kind != "O" or any(isinstance(value, (str, bytes)) for value in column):
+            raise TypeError
+        return np.array([np.nan if no else float(value) for value, no in zip(column, gone)])
+    except (TypeError, ValueError):
+        return np.array(["" if no else str(value) for value, no in zip(column, gone)], dtype=str)
 
 
 def frame_of(found: Recordings) -> _native.Frame:
@@ -164,65 +261,70 @@ def frame_of(found: Recordings) -> _native.Frame:
     return _native.Frame(found.arrays, found.names, masks, "y")
 
 
-def _convert(data: Any, wanted: Sequence[str] | None) -> tuple[Recordings, bool]:
-    """The recordings, and whether the data brought names of their own. Columns that are not wanted may hold anything."""
-    if isinstance(data, Recordings):
-        return data, True
-    if isinstance(data, (str, os.PathLike)):
-        return read(data), True
-    if isinstance(data, np.ndarray):
-        array = array_of(data)
-        return Recordings([f"x{k}" for k in range(array.shape[1])], [array]), False
-    if isinstance(data, (list, tuple)):
-        return _several(data, wanted)
+def _table(data: Any) -> tuple[dict[str, Any], bool]:
+    """A user's table as named columns, and whether one says which recording a row is of. An index of times, or with a name, is one."""
+    if hasattr(data, "dims") and hasattr(data, "coords"):
+        return _of_xarray(data), False
     if isinstance(data, Mapping):
-        lengths = {len(values) for values in data.values()}
-        if len(lengths) > 1:
-            sizes = _native.visible(", ".join(f"{name}: {len(values)}" for name, values in data.items()))
-            raise DataError(f"the series have different lengths ({sizes}); give all of one recording the same times")
-        return _table({str(name): np.asanyarray(values) for name, values in data.items()}, wanted), True
-    if hasattr(data, "to_numpy") and hasattr(data, "columns"):
-        names = list(data.columns)
-        repeated = next((name for name in names if names.count(name) > 1), None)
-        if repeated is not None:
-            raise DataError(_native.visible(f"the column '{repeated}' is there twice; rename one"))
-        table = {str(name): np.asanyarray(data[name].to_numpy()) for name in names}
-        return _table(table, wanted, getattr(data, "index", None)), True
-    if hasattr(data, "__arrow_c_stream__"):
-        return _table(_arrow(data), wanted), True
-    raise DataError(
-        f"data of type {type(data).__name__} are not understood; give an array (T, N), a pandas or polars table, a dict of "
-        "series, a path, or a list of these"
-    )
+        return {str(name): values for name, values in data.items()}, False
+    if isinstance(data, np.ndarray):
+        return {f"x{k}": column for k, column in enumerate(array_of(data).T)}, False
+    if not (hasattr(data, "to_numpy") and hasattr(data, "columns")):
+        return _arrow(data), False
+    names = list(data.columns)
+    repeated = next((name for name in names if names.count(name) > 1), None)
+    if repeated is not None:
+        raise DataError(_native.visible(f"the column '{repeated}' is there twice; rename one"))
+    table = {str(name): data[name].to_numpy() for name in names}
+    index = getattr(data, "index", None)
+    if index is None:
+        return table, False
+    levels = [index.get_level_values(k) for k in range(index.nlevels)]
+    stamped = [str(getattr(level, "dtype", "")).startswith(("datetime", "timedelta", "period")) for level in levels]
+    last = stamped.index(True) if any(stamped) else len(levels) - 1
+    head: dict[str, Any] = {}
+    if len(levels) > 1:
+        head[RECORDING] = ["/".join(map(str, keys)) for keys in zip(*(level for k, level in enumerate(levels) if k != last))]
+    times = levels[last]
+    if stamped[last]:
+        times = times.to_timestamp() if hasattr(times, "to_timestamp") else times
+        head[TIME] = np.asarray(times, dtype=f"{times.dtype.kind}8[ns]")
+    elif times.name is not None:
+        head[str(times.name)] = times.to_numpy()
+    return {**head, **table}, RECORDING in head
 
 
-def _several(data: Sequence[Any], wanted: Sequence[str] | None) -> tuple[Recordings, bool]:
-    if not data:
-        raise DataError("no data: the list of recordings is empty")
-    if all(isinstance(each, (str, os.PathLike)) for each in data):
-        return read(*data), True
-    if all(np.isscalar(each) for each in data):
-        raise DataError("a list of numbers is one variable; a cause and an effect need at least two, as an array (T, N)")
-    parts = [_convert(each, wanted) for each in data]
-    first = parts[0][0]
-    arrays, warnings, masked, exogenous = [], [], [], list(first.exogenous)
-    steps = {part.dt for part, _ in parts}
-    for number, (part, named) in enumerate(parts):
-        if named and sorted(part.names) != sorted(first.names):
+def _of_xarray(data: Any) -> dict[str, Any]:
+    """The columns of an xarray: variables of a Dataset, or columns of a DataArray (time, variable); its first axis holds the times."""
+    if hasattr(data, "data_vars"):
+        columns = {str(name): values.values for name, values in data.data_vars.items()}
+    elif data.ndim == 2:
+        labels = data.coords[data.dims[1]].values if data.dims[1] in data.coords else [f"x{k}" for k in range(data.shape[1])]
+        columns = {str(name): column for name, column in zip(labels, data.values.T)}
+    else:
+        raise DataError(f"the DataArray has shape {data.shape}; data are (T, N), times in rows and variables in columns")
+    first = list(data.dims)[0]
+    if first not in data.coords:
+        return columns
+    times = data.coords[first].values
+    return {TIME if times.dtype.kind in "Mm" else str(first): times, **columns}
+
+
+def _joined(parts: Sequence[Recordings]) -> Recordings:
+    """Recordings of the same variables, in the first one's order."""
+    first = parts[0]
+    for number, part in enumerate(parts):
+        if sorted(part.names) != sorted(first.names):
             ours, theirs = ", ".join(part.names), ", ".join(first.names)
-            raise DataError(
-                _native.visible(f"recording {number} has the variables {ours}, but recording 0 has {theirs}")
-            )
-        if len(part.names) != len(first.names):
-            raise DataError(f"recording {number} has {len(part.names)} columns, but recording 0 has {len(first.names)}")
-        arrays += (part.select(first.names) if named else part).arrays
-        warnings += part.warnings
-        masked += part.masked or [np.zeros(len(array), dtype=np.bool_) for array in part.arrays]
+            raise DataError(_native.visible(f"recording {number} has the variables {ours}, but recording 0 has {theirs}"))
+    steps = {part.dt for part in parts}
     if len(steps) > 1:
         listed = ", ".join(str(step) for step in sorted(steps, key=str))
         raise DataError(f"the recordings have different time steps ({listed}); resample them to one")
-    masked = masked if any(rows.any() for rows in masked) else []
-    return Recordings(first.names, arrays, first.dt, exogenous, warnings, masked), parts[0][1]
+    masked = [rows for part in parts for rows in part.masked or [np.zeros(len(array), dtype=np.bool_) for array in part.arrays]]
+    arrays = [array for part in parts for array in part.select(first.names).arrays]
+    notes = [note for part in parts for note in part.warnings]
+    return Recordings(first.names, arrays, first.dt, first.exogenous, notes, masked if any(rows.any() for rows in masked) else [])
 
 
 def array_of(values: Any, what: str = "the array") -> NDArray[np.float64]:
@@ -237,70 +339,20 @@ def array_of(values: Any, what: str = "the array") -> NDArray[np.float64]:
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def _table(columns: Mapping[str, NDArray[Any]], wanted: Sequence[str] | None, index: Any = None) -> Recordings:
-    """A table of named columns. `time`, or else an index of times, gives the step."""
-    dt = None
-    if TIME in columns:
-        dt = _step(columns[TIME])
-    elif index is not None and getattr(getattr(index, "dtype", None), "kind", "") == "M":
-        dt = _step(np.asarray(index))
-    values = {name: column for name, column in columns.items() if name != TIME}
-    if wanted is not None and all(name in values for name in wanted):
-        values = {name: values[name] for name in wanted}
-    odd = [name for name, column in values.items() if column.ndim != 1 or column.dtype.kind not in "fiub"]
-    odd = [name for name in odd if not _holds_numbers(values[name])]
-    if odd:
-        raise DataError(
-            f"not numbers: {', '.join(repr(name) for name in odd)}; leave these columns out (columns=[..]) or encode them"
-        )
-    if not values:
-        raise DataError("no data: the table has no column")
-    rows = [array_of(_numbers(column)[:, np.newaxis], f"'{name}'") for name, column in values.items()]
-    return Recordings(list(values), [np.ascontiguousarray(np.hstack(rows))], dt)
-
-
-def _numbers(column: NDArray[Any]) -> NDArray[Any]:
-    return column if column.dtype.kind in "fiub" else _floats(column)
-
-
-def _floats(column: NDArray[Any]) -> NDArray[Any]:
-    """Objects that are numbers or None, as pandas has them for nullable columns."""
-    missing = np.array([value is None or str(value) in ("<NA>", "nan", "NaT") for value in column])
-    return np.array([np.nan if gone else float(value) for value, gone in zip(column, missing)])
-
-
-def _holds_numbers(column: NDArray[Any]) -> bool:
-    if column.ndim != 1 or column.dtype.kind != "O" or any(isinstance(value, (str, bytes)) for value in column):
-        return False
-    try:
-        _floats(column)
-    except (TypeError, ValueError):
-        return False
-    return True
-
-
-def _step(times: NDArray[Any]) -> float | None:
-    """The usual step of a column of times, in seconds."""
-    if times.dtype.kind == "M":
-        times = times.astype("datetime64[ns]").astype(np.int64) / 1e9
-    elif times.dtype.kind not in "fiu":
-        raise DataError("the column 'time' holds neither seconds nor times; rename it if it is a variable")
-    steps = np.diff(np.asarray(times, dtype=np.float64))
-    if steps.size == 0:
-        return None
-    if not np.all(steps > 0):
-        row = int(np.argmax(~(steps > 0))) + 1
-        raise DataError(f"the time does not rise at row {row}; sort the rows, or give each recording apart in a list")
-    # The same one that the command takes for a file.
-    return float(np.sort(steps)[steps.size // 2])
-
-
 def _arrow(data: Any) -> dict[str, NDArray[Any]]:
     """A table of Arrow columns."""
+    if not hasattr(data, "__arrow_c_stream__"):
+        raise DataError(
+            f"data of type {type(data).__name__} are not understood; give an array (T, N), a pandas or polars table, a dict of "
+            "series, a path, or a list of these"
+        )
     try:
         import pyarrow  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError:
         kind = type(data).__name__
         raise DataError(f"data of type {kind} are an Arrow stream; install pyarrow to read it, or call its to_pandas()") from None
-    table = pyarrow.table(data)
+    try:
+        table = pyarrow.table(data)
+    except (pyarrow.ArrowInvalid, TypeError) as error:
+        raise DataError(f"data of type {type(data).__name__} are no table: {error}") from None
     return {str(name): np.asanyarray(table[name].to_numpy()) for name in table.column_names}

@@ -7,6 +7,7 @@ import io
 import json
 import os
 import pathlib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -38,8 +39,8 @@ class Link:
         n_lost: Samples left out because a value was missing.
         p: The p-value in words, such as "<0.001" where the test tells no smaller ones apart.
         confidence: Share of the resamples that have the link; None without resamples.
-        value_low: Percentile 5 of the strength in the resamples.
-        value_high: Percentile 95 of it.
+        value_low: Lower end of the strength's interval of 90 %; None without resamples.
+        value_high: Upper end of it.
         size: With resamples `{step, change, low, high}`: this much more of the effect goes with a step more of the cause, in their units.
         since: Of a model of a node that rolls on: stamp from which on the link is in every model.
         seen: Of such a model: how many of the last eight models have the link.
@@ -137,7 +138,14 @@ class Picture:
         b'PNG'
     """
 
-    svg: str
+    svg: str = field(repr=False)
+
+    def __post_init__(self) -> None:
+        # Names such as $X^{12}$, as mathematics are written without a typesetter.
+        raised = {letter: str.maketrans("0123456789+-", digits) for letter, digits in (("^", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻"), ("_", "₀₁₂₃₄₅₆₇₈₉₊₋"))}
+        small = lambda found: (found[2] or found[3]).translate(raised[found[1]])
+        plain = re.sub(r"\$([^$<>]{1,40})\$", lambda found: re.sub(r"([\^_])(?:\{([\d+-]+)\}|(\d))", small, found[1]), self.svg)
+        object.__setattr__(self, "svg", plain)
 
     def _repr_svg_(self) -> str:
         return self.svg
@@ -284,6 +292,12 @@ class Model:
         return np.array(self._fields[name], dtype=dtype).reshape(n, n, lags)
 
     @property
+    def summary(self) -> dict[str, Any]:
+        """What may be said, as data: `conclusion` (sentences), `links` (firmest first, each with `sure`), `own_past`, `advice`,
+        `about_data`, `notes`."""
+        return dict(self._fields["summary"])
+
+    @property
     def status(self) -> str:
         """`complete`, or `partial: ...` if the time budget ended the analysis."""
         return str(self._fields["status"])
@@ -297,7 +311,10 @@ class Model:
     @property
     def warnings(self) -> list[str]:
         """What a reader of the model should know, one sentence each."""
-        return list(self._fields["warnings"])
+        data = self._fields.get("about_data") or {}
+        still = [each["name"] for each in data.get("variables", []) if each["distinct"] == 1]
+        constant = [f"{', '.join(still)}: one value only, so no link can be found there"] if still else []
+        return [*self._fields["warnings"], *constant, *data.get("remarks", [])]
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -305,7 +322,7 @@ class Model:
         results = {
             "schema", "status", "features", "dropped", "links", "graph", "outcomes", "val_matrix", "p_matrix", "n_matrix", "causal_structure", "val",
             "pval", "warnings", "link_frequency", "mark_frequency", "summary_frequency", "majority_graph", "val_mean", "val_low",
-            "val_high", "advice",
+            "val_high", "advice", "summary",
         }  # fmt: skip
         return {name: value for name, value in self._fields.items() if name not in results}
 
@@ -324,8 +341,8 @@ class Model:
     def __hash__(self) -> int:
         return hash(self._file)
 
-    def __reduce__(self) -> tuple[type[Model], tuple[str]]:
-        return (Model, (self._text,))
+    def __reduce__(self) -> tuple[type[Model], tuple[str, Recordings | None]]:
+        return (Model, (self._text, self._data))
 
     def _repr_html_(self) -> str:
         return page(self, _native.export(self._text, "level"))
@@ -347,10 +364,6 @@ class Model:
             acts_on: Columns of interventions to the variable that each sets; None: the demo's.
             seed: Of all random numbers.
             threads: None: all cores. They do not change the result.
-
-        Raises:
-            DataError: The data are not known (a model from a file), or lack a variable.
-            SettingError: A setting that is not allowed.
         """
         from .data import recordings_of
         from .reasoning import StructuralModel
@@ -366,65 +379,19 @@ class Model:
         return self.structural()
 
     def predict(self, horizon: int = 10, **question: Any) -> WhatIf:
-        """What will happen if nobody acts, after the last row of the data: `structural().predict`, which has all arguments.
-
-        Args:
-            horizon: Steps ahead.
-            question: `variables`, `at`, `recording`, `paths`, `seed`.
-
-        Returns:
-            The outlook under the action `go on`.
-
-        Raises:
-            DataError: The data are not known, or are too few.
-        """
+        """What will happen if nobody acts, after the last row of the data: `structural().predict`, which has all arguments."""
         return self._structural.predict(horizon, **question)
 
     def whatif(self, actions: str | Sequence[str], horizon: int = 10, **question: Any) -> WhatIf:
-        """What will happen under each action, and which is best: `structural().whatif`, which has all arguments.
-
-        Args:
-            actions: Such as "stop: r_v=0" or ["slower: r_v+=-0.2", "go on"].
-            horizon: Steps ahead.
-            question: `cost`, `limits`, `had`, `variables`, `at`, `recording`, `allow_extrapolation`, `paths`, `seed`.
-
-        Returns:
-            The outlook of each action.
-
-        Raises:
-            SettingError: A question that cannot be asked.
-            DataError: The data are not known, or are too few.
-        """
+        """What will happen under each action, and which is best: `structural().whatif`, which has all arguments."""
         return self._structural.whatif(actions, horizon, **question)
 
     def effect(self, cause: str, effect: str, max_lag: int = 10, *, standardised: bool = False) -> Effect:
-        """How strongly one variable drives another, by lag: `structural().effect`.
-
-        Args:
-            cause: Its name.
-            effect: Its name.
-            max_lag: Largest lag in steps.
-            standardised: In standard deviations instead of units.
-
-        Raises:
-            SettingError: A variable that is not there.
-            DataError: The data are not known, or are too few.
-        """
+        """How strongly one variable drives another, by lag: `structural().effect`."""
         return self._structural.effect(cause, effect, max_lag, standardised=standardised)
 
     def explain(self, variable: str, from_row: int | None = None, to_row: int | None = None, **question: Any) -> Explanation:
-        """Why a variable changed: `structural().explain`.
-
-        Args:
-            variable: Its name.
-            from_row: The row before the change; without both rows: the largest change of the last ten rows.
-            to_row: The row after it.
-            question: `horizon`, `recording`, `seed`.
-
-        Raises:
-            SettingError: A variable that is not there.
-            DataError: The data are not known, or are too few.
-        """
+        """Why a variable changed: `structural().explain`."""
         return self._structural.explain(variable, from_row, to_row, **question)
 
     def dag(self) -> Picture:
@@ -436,14 +403,7 @@ class Model:
         return Picture(_native.export(self._text, "tsdag"))
 
     def series(self, recording: int = 0) -> Picture:
-        """The analysed series of one recording.
-
-        Args:
-            recording: Which one.
-
-        Raises:
-            DataError: The model was read from a file, so its data are not known.
-        """
+        """The analysed series of one recording. A model from a file does not know its data."""
         if self._data is None:
             raise DataError("the data of this model are not known: it comes from a file; draw the series where it was found")
         if not 0 <= recording < len(self._data):
@@ -451,17 +411,7 @@ class Model:
         return Picture(_native.series(self._data.names, self._data[recording], self.dt))
 
     def plot(self, ax: Any = None) -> Any:
-        """Draws the summary graph with matplotlib.
-
-        Args:
-            ax: Axes to draw on; None: the current ones.
-
-        Returns:
-            The axes.
-
-        Raises:
-            ImportError: matplotlib is not installed.
-        """
+        """Draws the summary graph with matplotlib on these axes, or the current ones, and returns them."""
         import matplotlib.pyplot as plt  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
         axes = plt.gca() if ax is None else ax
@@ -499,11 +449,7 @@ class Model:
         return _native.export(self._text, "csv")
 
     def to_pandas(self) -> Any:
-        """The links as a pandas table, one row each, with the fields of `Link` as columns.
-
-        Raises:
-            ImportError: pandas is not installed.
-        """
+        """The links as a pandas table, one row each, with the fields of `Link` as columns."""
         import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
         columns = ["cause", "effect", "lag", "value", "p_value", "mark", "n_lost", "n_used", "confidence", "value_low", "value_high"]
@@ -511,11 +457,7 @@ class Model:
 
     def to_networkx(self) -> Any:
         """The graph as a networkx MultiDiGraph: edges have `lag`, `value`, `p_value`, `mark` and `confidence` (None without
-        resamples). A link without direction is two edges with that mark.
-
-        Raises:
-            ImportError: networkx is not installed.
-        """
+        resamples). A link without direction is two edges with that mark."""
         import networkx  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
         graph = networkx.MultiDiGraph()
@@ -534,9 +476,6 @@ class Model:
         Args:
             causal_model: The message. It holds the links only: of other pairs it is unknown whether they were tested.
             info: The `CausalModelInfo` published beside it, for the settings; None: they are unknown.
-
-        Raises:
-            DataError: An object without the message's fields.
         """
         from .message import text_of
 

@@ -22,26 +22,44 @@ if TYPE_CHECKING:
 
 
 def discover(
-    data: Any,
-    *,
-    columns: Sequence[str] | None = None,
-    test: str | Callable[..., Any] | object | None = None,
-    dt: float | None = None,
-    progress: Progress = None,
-    **settings: Unpack[Settings],
-) -> Model:
+    data: Any, *, columns: Sequence[str] | None = None, test: str | Callable[..., Any] | object | None = None,
+    dt: float | None = None, progress: Progress = None, features: str | Sequence[str] | None = None, where: str | None = None,
+    mask: str | None = None, rows: str | None = None, missing_value: float | Sequence[float] | str | None = None,
+    recording: str | None = None, time_column: str | None = None, time_unit: str | None = None,
+    keep: str | Sequence[str] | None = None, encode: str | None = None, resample: str | None = None, max_gap: float | None = None,
+    difference: bool | Sequence[str] = False, detrend: bool | Sequence[str] = False, standardise: bool | Sequence[str] = False,
+    season: int | str | None = None, drop_empty: bool = False, drop_constant: bool = False, **settings: Unpack[Settings],
+) -> Model:  # fmt: skip
     """Finds which variable drives which, and how many steps later.
 
     Args:
         data: An array (T, N), times in rows; a pandas or polars table; an Arrow table; a dict of series (T,); a path of a
-            .csv, .bag, .mcap or .db3 file; what `rc.read` returns; or a list of these, as recordings of one system. NaN,
-            None and masked values are missing. A column `time` gives the step and is not a variable.
+            .csv, .bag, .mcap or .db3 file; what `rc.read` returns; or a list of these, as recordings of one system. A table is
+            read by the rules of its CSV file (docs/data.md): a column or index of times gives the step, a gap ends a recording.
         columns: The variables to analyse, in this order; for an array: its names.
         test: Name of an independence test, or None: the method's own; or your own: a function `f(x, y, z) -> (value, p)` of arrays
             (n,), (n,), (n, k), or an object with `run_test_raw(x, y, z)` of arrays (n, 1), (n, 1), (n, k), or with
-            `run_test(X, Y, Z, tau_max)` of nodes `[(variable, -lag)]`.
+            `run_test(X, Y, Z, tau_max)` of nodes `[(variable, -lag)]`; or a test of `roscausal.tigramite`.
         dt: Seconds per step; None: from the data.
         progress: True: a bar in a notebook, a line on stderr elsewhere; or a function of (tests done, estimated total).
+        features: Variables to add, such as "speed = norm(rate(x), rate(y))".
+        where: Rows that may be effects, such as "near < 3"; mask: a column that is 0 there; rows: a window of rows, "1..5000".
+        mask: See `where`.
+        rows: See `where`.
+        missing_value: Numbers that stand for missing values; "none": there are none.
+        recording: Column that says which recording a row is of. The levels of an index beside the times say it, too.
+        time_column: Name of the column of times; "none": there is none; time_unit: its unit, such as "ms".
+        time_unit: See `time_column`.
+        keep: Columns that stay variables although they count rows; "all".
+        encode: "codes": words become numbers.
+        resample: With `dt`, what a row holds: "last", "mean", "linear".
+        max_gap: A longer step ends a recording, seconds; None: five steps.
+        difference: Analyse changes, detrend: without a straight line, standardise: with mean 0 and deviation 1: of all, or of those named.
+        detrend: See `difference`.
+        standardise: See `difference`.
+        season: Period whose mean course is taken out: rows, or "24h".
+        drop_empty: Leave out columns without any number; drop_constant: those with one only.
+        drop_constant: See `drop_empty`.
         **settings: The settings of the analysis:
 
     With `resamples`, links have a `confidence`, and the model `link_frequency`, `val_low`, `val_high` and `advice`. A model that
@@ -63,14 +81,20 @@ def discover(
         >>> print(model.links[0])
         cause at t-1 drives effect: strength 0.65, p < 0.001
     """
-    found = recordings_of(data, columns)
-    own = None if test is None or isinstance(test, str) else test
+    found = recordings_of(
+        data, columns, dt=dt, features=features, where=where, mask=mask, rows=rows, missing_value=missing_value, recording=recording,
+        time_column=time_column, time_unit=time_unit, keep=keep, encode=encode, resample=resample, max_gap=max_gap, difference=difference,
+        detrend=detrend, standardise=standardise, season=season, drop_empty=drop_empty, drop_constant=drop_constant,
+    )  # fmt: skip
+    own = None if test is None or isinstance(test, str) else getattr(test, "spec", test)
     given = settings_of(found, dt=dt, test=test if own is None else None, **settings)
     return Model(_native.discover(frame_of(found), as_json(given), own, reporter(progress)), found)
 
 
 def settings_of(found: Recordings, *, exogenous: Sequence[str] | None = None, dt: float | None = None, **given: Any) -> dict[str, Any]:
     """The settings of an analysis, with what the data and files say themselves."""
+    if isinstance(exogenous, str):
+        raise _native.SettingError("setting 'exogenous': it is one word; give a list of names")
     for name in ("null_dist", "links"):
         given[name] = content_of(given.get(name))
     of_data = {"exogenous": [*(exogenous or ()), *found.exogenous], "dt": found.dt if dt is None else dt, "warnings": found.warnings}

@@ -281,6 +281,9 @@ class StructuralModel:
     def __init__(self, native: _native.Structural) -> None:
         self._native = native
 
+    def __reduce__(self) -> tuple[Any, tuple[str]]:
+        return (_read, (self._native.to_json(),))
+
     @property
     def names(self) -> list[str]:
         """Names of the variables."""
@@ -335,7 +338,7 @@ class StructuralModel:
             DataError: Another file.
             OSError: A file that cannot be read.
         """
-        return StructuralModel(_native.Structural.read(pathlib.Path(path).read_text(encoding="utf-8")))
+        return _read(pathlib.Path(path).read_text(encoding="utf-8"))
 
     def _moment(self, at: int | None, recording: int) -> tuple[int, int]:
         rows = self._native.rows()
@@ -482,6 +485,10 @@ class StructuralModel:
             found["from_row"], found["to_row"], found["change"], found["expected"],
             [Contribution(**each) for each in found["contributions"]],
         )  # fmt: skip
+
+
+def _read(text: str) -> StructuralModel:
+    return StructuralModel(_native.Structural.read(text))
 
 
 def _outlook(found: dict[str, Any]) -> Outlook:

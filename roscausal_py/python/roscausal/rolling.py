@@ -92,16 +92,7 @@ class Rolling(Sequence[Window]):
         return ["" if at is None else str(each.model.graph[at]) for each, at in zip(self.windows, places)]
 
     def values(self, cause: str, effect: str, lag: int) -> NDArray[np.float64]:
-        """The strength of one link in each window, (windows,); NaN where F-PCMCI left a variable out.
-
-        Args:
-            cause: Name of the cause.
-            effect: Name of the effect.
-            lag: Steps from cause to effect.
-
-        Raises:
-            SettingError: A name or lag that no window has.
-        """
+        """The strength of one link in each window, (windows,); NaN where F-PCMCI left a variable out. Arguments and errors as `marks`."""
         places = self._places(cause, effect, lag)
         return np.array([np.nan if at is None else each.model.val_matrix[at] for each, at in zip(self.windows, places)])
 

@@ -96,6 +96,9 @@ class Settings(TypedDict, total=False):
     transform: Literal["ranks", "uniform", "standardize", "none"] | None
     """cmiknn: what values are turned into before distances are measured."""
 
+    categories: Sequence[str] | None
+    """Variables whose values are categories, whatever they are; without, those of at most ten whole values are."""
+
     gp_search: Literal["default", "exact"] | None
     """How gpdc searches for the maximum of a likelihood; exact: every likelihood exact, slow; the same maxima."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,44 @@ from .. import _native
 from .._native import SettingError
 from . import results
 from .data_processing import DataFrame
+from .independence_tests.independence_tests_base import check_test
 from .refusal import NotCovered, not_covered, unknown
 from .results import Links
 
 Results = dict[str, Any]
 Parents = Mapping[int, Sequence[tuple[int, int]]]
+
+
+#: What the engine reads of the keywords of a run.
+_SETTINGS = (
+    "tau_min", "tau_max", "pc_alpha", "alpha_level", "fdr_method", "max_conds_dim", "max_combinations", "max_conds_py", "max_conds_px",
+    "max_conds_px_lagged", "contemp_collider_rule", "conflict_resolution", "reset_lagged_links",
+)  # fmt: skip
+
+
+def _engines(keywords: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: keywords[name] for name in _SETTINGS if name in keywords}
+
+
+def _pairs(name: str, what: str) -> Any:
+    """A method that tests each pair in one way."""
+
+    def run(
+        self: PCMCI, selected_links: None = None, link_assumptions: Links | None = None, tau_min: int = 0, tau_max: int = 1,
+        val_only: bool = False, alpha_level: float = 0.05, fdr_method: str = "none",
+    ) -> Results:  # fmt: skip
+        not_covered(selected_links=selected_links)
+        method = name.removeprefix("run_").removeprefix("get_")
+        found = self._run(method, {**_engines(locals()), "pc_alpha": 0.2}, link_assumptions)
+        if val_only and method == "bivci" and tau_min == 0:
+            # Values alone are not made alike from both sides at lag 0.
+            for i, j in np.argwhere(found["val_matrix"][:, :, 0]):
+                past = [(j, -lag) for lag in range(1, tau_max + 1)]
+                found["val_matrix"][i, j, 0] = self.cond_ind_test.run_test([(i, 0)], [(j, 0)], past, tau_max)[0]
+        return self._matrices(found, alpha_level, val_only)
+
+    run.__name__, run.__doc__ = name, f"{what} The arguments and the result are those of `run_pcmci`; `val_only`: values only."
+    return run
 
 
 class PCMCI:
@@ -49,6 +83,9 @@ class PCMCI:
         ['', '-->']
     """
 
+    #: What the variables are to J-PCMCI+.
+    _classes: Sequence[str] = ()
+
     def __init__(self, dataframe: DataFrame, cond_ind_test: Any, verbosity: int = 0, **others: object) -> None:
         unknown("PCMCI", others, ("dataframe", "cond_ind_test", "verbosity"))
         if not isinstance(dataframe, DataFrame):
@@ -57,25 +94,32 @@ class PCMCI:
         self.dataframe, self.cond_ind_test, self.verbosity = dataframe, cond_ind_test, verbosity
         if hasattr(cond_ind_test, "set_dataframe"):
             cond_ind_test.set_dataframe(dataframe)
-        self.N, self.T, self.var_names = dataframe.N, dataframe.T, dataframe.var_names
         self.all_parents: dict[int, list[tuple[int, int]]] = {}
         self.val_min: dict[int, dict[tuple[int, int], float]] = {}
         self.pval_max: dict[int, dict[tuple[int, int], float]] = {}
         self.remarks: list[str] = []
-        self._points: NDArray[Any] | None = None
         self._draw: tuple[int, int, str] | None = None
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):
+        if name.startswith("__"):
             raise AttributeError(name)
-        raise NotCovered(f"PCMCI.{name} is not covered by roscausal.tigramite")
+        if name in ("N", "T", "var_names"):
+            return getattr(self.dataframe, name)
+        raise NotCovered(f"{type(self).__name__}.{name} is not covered by roscausal.tigramite")
 
     def _run(self, method: str, settings: dict[str, Any], links: Links | None = None) -> Results:
         test = self.cond_ind_test
-        settings["link_assumptions"] = results.link_list(links, settings["tau_min"], settings["tau_max"])
-        frame = self.dataframe.frame(getattr(test, "mask_type", None), self._points)
+        check_test(test, self.dataframe)
+        settings["link_assumptions"] = results.link_list(links, settings["tau_min"], settings["tau_max"], method == "lpcmci")
+        if self._classes:
+            method, settings["node_classification"] = "jpcmciplus", self._classes
+        dummies = sum(what.endswith("_dummy") for what in self._classes)
+        frame = self.dataframe.frame(getattr(test, "mask_type", None), self.N - dummies)
         if self._draw is not None:
             frame = frame.bootstrap(*self._draw, 2 * settings["tau_max"])
+            if hasattr(test, "run_test_raw") and not hasattr(test, "spec"):
+                # On nodes it would look at the data as they are.
+                test = SimpleNamespace(run_test_raw=test.run_test_raw)
         found = _native.run(frame, method, json.dumps(settings, default=_plain), getattr(test, "spec", test))
         self.remarks = found["remarks"]
         if found["candidates"]:
@@ -89,7 +133,9 @@ class PCMCI:
         self.pval_max = {j: {(var, -lag): p for var, lag, _, p in of} for j, of in of_targets}
         self.val_min = {j: {(var, -lag): v for var, lag, v, _ in of if (var, -lag) in nodes[j]} for j, of in of_targets}
 
-    def _matrices(self, found: Results, alpha_level: float) -> Results:
+    def _matrices(self, found: Results, alpha_level: float, val_only: bool = False) -> Results:
+        if val_only:
+            return {"val_matrix": found["val_matrix"], "conf_matrix": found["conf_matrix"]}
         p_matrix = found["p_matrix"] if found["q_matrix"] is None else found["q_matrix"]
         answer = {
             "graph": results.MARKS[found["graph"]],
@@ -102,101 +148,37 @@ class PCMCI:
         return answer
 
     def run_pc_stable(
-        self,
-        selected_links: None = None,
-        link_assumptions: Links | None = None,
-        tau_min: int = 1,
-        tau_max: int = 1,
-        save_iterations: bool = False,
-        pc_alpha: float | Sequence[float] | None = 0.2,
-        max_conds_dim: int | None = None,
+        self, selected_links: None = None, link_assumptions: Links | None = None, tau_min: int = 1, tau_max: int = 1,
+        save_iterations: bool = False, pc_alpha: float | Sequence[float] | None = 0.2, max_conds_dim: int | None = None,
         max_combinations: int = 1,
-    ) -> dict[int, list[tuple[int, int]]]:
-        """The condition selection of PCMCI alone.
-
-        Args:
-            link_assumptions: `{j: {(i, -lag): "-?>" or "-->"}}`; a link that is not listed is absent. None: all may be.
-            tau_min: Smallest lag; 0 counts as 1.
-            tau_max: Largest lag.
-            pc_alpha: Level; several, or None: a score chooses one for each variable.
-            max_conds_dim: Largest number of conditions.
-            max_combinations: Sets of conditions of each size that are tried.
-
-        Returns:
-            `{j: [(i, -lag), ..]}`, the strongest first.
-
-        Raises:
-            ValueError: Settings or data that do not allow it.
-            NotImplementedError: `selected_links`, `save_iterations`.
-        """
+    ) -> dict[int, list[tuple[int, int]]]:  # fmt: skip
+        """The condition selection of PCMCI alone, with the arguments of `run_pcmci`: `{j: [(i, -lag), ..]}`, the strongest first."""
         not_covered(selected_links=selected_links, save_iterations=save_iterations)
-        settings = {
-            "tau_min": max(tau_min, 1),
-            "tau_max": tau_max,
-            "pc_alpha": pc_alpha,
-            "max_conds_dim": max_conds_dim,
-            "max_combinations": max_combinations,
-        }
+        settings = {**_engines(locals()), "tau_min": max(tau_min, 1)}
         self._run("pc_stable", settings, link_assumptions)
         return self.all_parents
 
     def run_mci(
-        self,
-        selected_links: None = None,
-        link_assumptions: Links | None = None,
-        tau_min: int = 0,
-        tau_max: int = 1,
-        parents: Parents | None = None,
-        max_conds_py: int | None = None,
-        max_conds_px: int | None = None,
-        val_only: bool = False,
-        alpha_level: float = 0.05,
-        fdr_method: str = "none",
-    ) -> Results:
+        self, selected_links: None = None, link_assumptions: Links | None = None, tau_min: int = 0, tau_max: int = 1,
+        parents: Parents | None = None, max_conds_py: int | None = None, max_conds_px: int | None = None, val_only: bool = False,
+        alpha_level: float = 0.05, fdr_method: str = "none",
+    ) -> Results:  # fmt: skip
         """The MCI tests alone, given the parents of each variable.
 
         Args:
-            parents: `{j: [(i, -lag), ..]}`, the strongest first; None: none.
-            max_conds_py: How many parents of the effect are conditions; None: all.
-            max_conds_px: How many parents of the cause are conditions; None: all.
-            link_assumptions: As in `run_pcmci`; so are the lags, `alpha_level` and `fdr_method`.
-
-        Returns:
-            As `run_pcmci`.
-
-        Raises:
-            ValueError: Settings or data that do not allow it.
-            NotImplementedError: `selected_links`, `val_only`.
+            parents: `{j: [(i, -lag), ..]}`, the strongest first; None: none. All else is as in `run_pcmci`.
         """
-        not_covered(selected_links=selected_links, val_only=val_only)
+        not_covered(selected_links=selected_links)
         given = parents or {}
-        settings = {
-            "tau_min": tau_min,
-            "tau_max": tau_max,
-            "pc_alpha": 0.2,
-            "parents": [[(var, -lag) for var, lag in given.get(j, [])] for j in range(self.N)],
-            "max_conds_py": max_conds_py,
-            "max_conds_px": max_conds_px,
-            "alpha_level": alpha_level,
-            "fdr_method": fdr_method,
-        }
-        return self._matrices(self._run("mci", settings, link_assumptions), alpha_level)
+        settings = {**_engines(locals()), "pc_alpha": 0.2, "parents": [[(var, -lag) for var, lag in given.get(j, [])] for j in range(self.N)]}
+        return self._matrices(self._run("mci", settings, link_assumptions), alpha_level, val_only)
 
     def run_pcmci(
-        self,
-        selected_links: None = None,
-        link_assumptions: Links | None = None,
-        tau_min: int = 0,
-        tau_max: int = 1,
-        save_iterations: bool = False,
-        pc_alpha: float | Sequence[float] | None = 0.2,
-        max_conds_dim: int | None = None,
-        max_combinations: int = 1,
-        max_conds_py: int | None = None,
-        max_conds_px: int | None = None,
-        alpha_level: float = 0.05,
+        self, selected_links: None = None, link_assumptions: Links | None = None, tau_min: int = 0, tau_max: int = 1,
+        save_iterations: bool = False, pc_alpha: float | Sequence[float] | None = 0.2, max_conds_dim: int | None = None,
+        max_combinations: int = 1, max_conds_py: int | None = None, max_conds_px: int | None = None, alpha_level: float = 0.05,
         fdr_method: str = "none",
-    ) -> Results:
+    ) -> Results:  # fmt: skip
         """PCMCI: lagged links, and pairs at lag 0 without a direction.
 
         Args:
@@ -215,42 +197,17 @@ class PCMCI:
         Returns:
             A dict: `graph` of marks <U3, `p_matrix` (corrected, if so asked), `val_matrix`, all (N, N, tau_max + 1) as
             [cause, effect, lag]; `conf_matrix` (N, N, tau_max + 1, 2), or None.
-
-        Raises:
-            ValueError: Settings or data that do not allow it.
-            NotImplementedError: `selected_links`, `save_iterations`.
         """
         not_covered(selected_links=selected_links, save_iterations=save_iterations)
-        settings = {
-            "tau_min": tau_min,
-            "tau_max": tau_max,
-            "pc_alpha": pc_alpha,
-            "max_conds_dim": max_conds_dim,
-            "max_combinations": max_combinations,
-            "max_conds_py": max_conds_py,
-            "max_conds_px": max_conds_px,
-            "alpha_level": alpha_level,
-            "fdr_method": fdr_method,
-        }
-        return self._matrices(self._run("pcmci", settings, link_assumptions), alpha_level)
+        return self._matrices(self._run("pcmci", _engines(locals()), link_assumptions), alpha_level)
 
     def run_pcmciplus(
-        self,
-        selected_links: None = None,
-        link_assumptions: Links | None = None,
-        tau_min: int = 0,
-        tau_max: int = 1,
-        pc_alpha: float | Sequence[float] | None = 0.01,
-        contemp_collider_rule: str = "majority",
-        conflict_resolution: bool = True,
-        reset_lagged_links: bool = False,
-        max_conds_dim: int | None = None,
-        max_combinations: int = 1,
-        max_conds_py: int | None = None,
-        max_conds_px: int | None = None,
-        max_conds_px_lagged: int | None = None,
+        self, selected_links: None = None, link_assumptions: Links | None = None, tau_min: int = 0, tau_max: int = 1,
+        pc_alpha: float | Sequence[float] | None = 0.01, contemp_collider_rule: str = "majority", conflict_resolution: bool = True,
+        reset_lagged_links: bool = False, max_conds_dim: int | None = None, max_combinations: int = 1,
+        max_conds_py: int | None = None, max_conds_px: int | None = None, max_conds_px_lagged: int | None = None,
         fdr_method: str = "none",
-    ) -> Results:
+    ) -> Results:  # fmt: skip
         """PCMCI+: lagged links, and directed links at lag 0.
 
         Args:
@@ -262,25 +219,10 @@ class PCMCI:
 
         Returns:
             As `run_pcmci`, and `sepsets` `{((i, -lag), j): [nodes]}`, `ambiguous_triples` `[((i, -lag), k, j)]`.
-
-        Raises:
-            ValueError: Settings or data that do not allow it.
-            NotImplementedError: `selected_links`.
         """
         not_covered(selected_links=selected_links)
-        settings = {
-            "tau_min": tau_min,
-            "tau_max": tau_max,
-            "pc_alpha": pc_alpha,
-            "contemp_collider_rule": contemp_collider_rule,
-            "conflict_resolution": conflict_resolution,
-            "reset_lagged_links": reset_lagged_links,
-            "max_conds_dim": max_conds_dim,
-            "max_combinations": max_combinations,
-            "max_conds_py": max_conds_py,
-            "max_conds_px": max_conds_px,
-            "max_conds_px_lagged": max_conds_px_lagged,
-        }
+        settings = _engines(locals())
+        settings.pop("fdr_method")
         found = self._run("pcmciplus", settings, link_assumptions)
         # The graph is that without correction, as in the reference.
         found["q_matrix"] = self.get_corrected_pvalues(
@@ -295,86 +237,9 @@ class PCMCI:
         triples = [((var, -lag), k, j) for (var, lag), k, j in found["ambiguous_triples"]]
         return {**answer, "sepsets": sepsets, "ambiguous_triples": triples}
 
-    def run_fullci(
-        self,
-        selected_links: None = None,
-        link_assumptions: Links | None = None,
-        tau_min: int = 0,
-        tau_max: int = 1,
-        val_only: bool = False,
-        alpha_level: float = 0.05,
-        fdr_method: str = "none",
-    ) -> Results:
-        """Each link given all other lagged variables.
-
-        Args:
-            link_assumptions: As in `run_pcmci`; so are the lags, `alpha_level` and `fdr_method`.
-
-        Returns:
-            As `run_pcmci`.
-        """
-        not_covered(selected_links=selected_links, val_only=val_only)
-        return self._simple("fullci", link_assumptions, tau_min, tau_max, alpha_level, fdr_method)
-
-    def run_bivci(
-        self,
-        selected_links: None = None,
-        link_assumptions: Links | None = None,
-        tau_min: int = 0,
-        tau_max: int = 1,
-        val_only: bool = False,
-        alpha_level: float = 0.05,
-        fdr_method: str = "none",
-    ) -> Results:
-        """Each link given the past of its effect.
-
-        Args:
-            link_assumptions: As in `run_pcmci`; so are the lags, `alpha_level` and `fdr_method`.
-
-        Returns:
-            As `run_pcmci`.
-        """
-        not_covered(selected_links=selected_links, val_only=val_only)
-        return self._simple("bivci", link_assumptions, tau_min, tau_max, alpha_level, fdr_method)
-
-    def get_lagged_dependencies(
-        self,
-        selected_links: None = None,
-        link_assumptions: Links | None = None,
-        tau_min: int = 0,
-        tau_max: int = 1,
-        val_only: bool = False,
-        alpha_level: float = 0.05,
-        fdr_method: str = "none",
-    ) -> Results:
-        """The dependence of all pairs at all lags, given nothing.
-
-        Args:
-            link_assumptions: As in `run_pcmci`; so are the lags, `alpha_level` and `fdr_method`.
-
-        Returns:
-            As `run_pcmci`.
-        """
-        not_covered(selected_links=selected_links, val_only=val_only)
-        return self._simple("lagged_dependencies", link_assumptions, tau_min, tau_max, alpha_level, fdr_method)
-
-    def _simple(
-        self,
-        method: str,
-        link_assumptions: Links | None,
-        tau_min: int,
-        tau_max: int,
-        alpha_level: float,
-        fdr_method: str,
-    ) -> Results:
-        settings = {
-            "tau_min": tau_min,
-            "tau_max": tau_max,
-            "pc_alpha": 0.2,
-            "alpha_level": alpha_level,
-            "fdr_method": fdr_method,
-        }
-        return self._matrices(self._run(method, settings, link_assumptions), alpha_level)
+    run_fullci = _pairs("run_fullci", "Each link given all other lagged variables.")
+    run_bivci = _pairs("run_bivci", "Each link given the past of its effect.")
+    get_lagged_dependencies = _pairs("get_lagged_dependencies", "The dependence of all pairs at all lags, given nothing.")
 
     def run_sliding_window_of(
         self, method: str, method_args: Mapping[str, Any], window_step: int, window_length: int, conf_lev: float = 0.9
@@ -401,27 +266,20 @@ class PCMCI:
                 f"{self.dataframe.largest_time_step} samples"
             )
         _repeatable(method)
-        runs = []
+        runs, every = [], self.dataframe.reference_points
         try:
             for start in range(0, self.dataframe.largest_time_step - window_length, window_step):
-                window = np.arange(start, start + window_length)
-                self._points = np.intersect1d(window, self.dataframe.reference_points)
+                self.dataframe.reference_points = np.intersect1d(np.arange(start, start + window_length), every)
                 runs.append(getattr(self, method)(**method_args))
         finally:
-            self._points = None
+            self.dataframe.reference_points = every
         joined = results.joined(runs)
         return {"summary_results": results.summary(joined, conf_lev), "window_results": joined}
 
     def run_bootstrap_of(
-        self,
-        method: str,
-        method_args: Mapping[str, Any],
-        boot_samples: int = 100,
-        boot_blocklength: int | str = 1,
-        conf_lev: float = 0.9,
-        aggregation: str = "majority",
-        seed: int | None = None,
-    ) -> Results:
+        self, method: str, method_args: Mapping[str, Any], boot_samples: int = 100, boot_blocklength: int | str = 1,
+        conf_lev: float = 0.9, aggregation: str = "majority", seed: int | None = None,
+    ) -> Results:  # fmt: skip
         """Runs a method again and again on times drawn with replacement; lags stay whole.
 
         Args:
@@ -487,14 +345,9 @@ class PCMCI:
         return results.summary(results_of_runs, conf_lev, aggregation)
 
     def get_corrected_pvalues(
-        self,
-        p_matrix: NDArray[Any],
-        fdr_method: str = "fdr_bh",
-        exclude_contemporaneous: bool = True,
-        tau_min: int = 0,
-        tau_max: int = 1,
-        link_assumptions: Links | None = None,
-    ) -> NDArray[np.float64]:
+        self, p_matrix: NDArray[Any], fdr_method: str = "fdr_bh", exclude_contemporaneous: bool = True, tau_min: int = 0,
+        tau_max: int = 1, link_assumptions: Links | None = None,
+    ) -> NDArray[np.float64]:  # fmt: skip
         """P-values corrected for many tests (Benjamini and Hochberg).
 
         Args:
@@ -523,13 +376,8 @@ class PCMCI:
         return _native.fdr_bh(p_values, counted)
 
     def get_graph_from_pmatrix(
-        self,
-        p_matrix: NDArray[Any],
-        alpha_level: float,
-        tau_min: int,
-        tau_max: int,
-        link_assumptions: Links | None = None,
-    ) -> NDArray[np.str_]:
+        self, p_matrix: NDArray[Any], alpha_level: float, tau_min: int, tau_max: int, link_assumptions: Links | None = None,
+    ) -> NDArray[np.str_]:  # fmt: skip
         """The marks of the links whose p-value is at most the level: --> with a lag, o-o at lag 0, or as assumed.
 
         Args:
@@ -543,6 +391,11 @@ class PCMCI:
             Marks <U3 (N, N, tau_max + 1).
         """
         return results.graph_of_p(p_matrix, alpha_level, tau_min, tau_max, link_assumptions)
+
+    @staticmethod
+    def get_graph_from_dict(links: Mapping[int, Any], tau_max: int | None = None) -> NDArray[np.str_]:
+        """The graph of `{j: [(i, -lag), ..]}`, of `{j: [((i, -lag), coefficient, function), ..]}`, or of marks."""
+        return results.graph_of_links(links, tau_max)
 
     @staticmethod
     def graph_to_dict(graph: NDArray[Any]) -> dict[int, dict[tuple[int, int], str]]:
@@ -567,14 +420,9 @@ class PCMCI:
         )  # fmt: skip
 
     def print_significant_links(
-        self,
-        p_matrix: NDArray[Any],
-        val_matrix: NDArray[Any],
-        conf_matrix: NDArray[Any] | None = None,
-        graph: NDArray[Any] | None = None,
-        ambiguous_triples: object = None,
-        alpha_level: float = 0.05,
-    ) -> None:
+        self, p_matrix: NDArray[Any], val_matrix: NDArray[Any], conf_matrix: NDArray[Any] | None = None,
+        graph: NDArray[Any] | None = None, ambiguous_triples: object = None, alpha_level: float = 0.05,
+    ) -> None:  # fmt: skip
         """Prints the links of these matrices; without a graph, those whose p-value is at most the level."""
         if graph is None:
             graph = results.graph_of_p(p_matrix, alpha_level, 0, p_matrix.shape[2] - 1, None)
@@ -582,7 +430,7 @@ class PCMCI:
 
 
 def _repeatable(method: str) -> None:
-    known = ["run_pcmci", "run_pcmciplus", "run_mci", "run_fullci", "run_bivci", "get_lagged_dependencies"]
+    known = ["run_pcmci", "run_pcmciplus", "run_mci", "run_fullci", "run_bivci", "get_lagged_dependencies", "run_lpcmci", "run_jpcmciplus"]
     if method not in known:
         raise SettingError(f"setting 'method': '{method}' cannot be run again and again; allowed: {', '.join(known)}")
 

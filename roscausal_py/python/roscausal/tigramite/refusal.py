@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 from .._native import SettingError
 
@@ -31,3 +32,16 @@ def unknown(where: str, given: Mapping[str, object], known: Iterable[str]) -> No
         near = difflib.get_close_matches(name, known, 1)
         hint = f"; did you mean '{near[0]}'?" if near else ""
         raise SettingError(f"setting '{name}': {where} has no such keyword{hint}")
+
+
+def missing(module: str, *names: str) -> Callable[[str], Any]:
+    """A module's `__getattr__`: refuses these names, which the reference has there and we have not."""
+
+    def refuse(name: str) -> Any:
+        if name not in names:
+            raise AttributeError(f"module {module} has no attribute {name}")
+        theirs = module.removeprefix("roscausal.")
+        # No AttributeError: `from .. import name` would hide the text.
+        raise NotImplementedError(f"{module}.{name} is not covered by roscausal; {theirs}.{name} takes our frames and results")
+
+    return refuse

@@ -20,8 +20,8 @@ MARKS = np.array(
 Links = Mapping[int, Mapping[tuple[int, int], str]]
 
 
-def link_list(assumptions: Links | None, tau_min: int, tau_max: int) -> list[list[Any]] | None:
-    """The engine's list of `{effect: {(cause, -lag): mark}}`, within these lags."""
+def link_list(assumptions: Links | None, tau_min: int, tau_max: int, hidden: bool = False) -> list[list[Any]] | None:
+    """The engine's list of `{effect: {(cause, -lag): mark}}`, within these lags. `hidden`: there may be hidden causes."""
     if assumptions is None:
         return None
     links: list[list[Any]] = []
@@ -29,6 +29,9 @@ def link_list(assumptions: Links | None, tau_min: int, tau_max: int) -> list[lis
         for (cause, lag), mark in causes.items():
             if lag > 0:
                 raise SettingError(f"setting 'link_assumptions': ({cause}, {lag}) is in the future; lags are 0 or less")
+            # The past drives the present: of a lagged link only counts whether it is certain.
+            if lag < 0 and not hidden and mark in ("o?o", "o-o"):
+                mark = "-?>" if mark == "o?o" else "-->"
             if mark != "" and tau_min <= -lag <= tau_max:
                 links.append([int(cause), int(effect), -int(lag), mark])
     return links
@@ -56,6 +59,22 @@ def graph_of_p(
                 mark = mark.replace("?", "-")
                 allowed[effect, cause, 0] = mirrored.get(mark, mark)
         graph = np.where(graph != "", allowed, "").astype("<U3")
+    return graph
+
+
+def graph_of_links(links: Mapping[int, Any], tau_max: int | None = None) -> NDArray[np.str_]:
+    """Marks (N, N, tau_max + 1) of nodes, of nodes with coefficients and functions, or of nodes with marks."""
+    marked = {}
+    for effect, causes in links.items():
+        for cause in causes:
+            var, lag = cause[0] if isinstance(cause[0], tuple) else cause
+            marked[int(var), int(effect), abs(int(lag))] = causes[cause] if isinstance(causes, Mapping) else "-->"
+    n, longest = len(links), max((lag for *_, lag in marked), default=0)
+    graph = np.full((n, n, 1 + (longest if tau_max is None else tau_max)), "", dtype="<U3")
+    for (cause, effect, lag), mark in marked.items():
+        graph[cause, effect, lag] = mark
+        if lag == 0:
+            graph[effect, cause, 0] = {"-->": "<--", "<--": "-->"}.get(mark, mark)
     return graph
 
 

@@ -38,17 +38,10 @@ class CMIknn(CondIndTest):
     _one_sided = True
 
     def __init__(
-        self,
-        knn: float = 0.2,
-        shuffle_neighbors: int = 5,
-        significance: str = "shuffle_test",
-        transform: str | bool | None = "ranks",
-        workers: int = -1,
-        model_selection_folds: int = 3,
-        null_fit: None = None,
-        permute: str = "Y",
-        **others: Any,
-    ) -> None:
+        self, knn: float = 0.2, shuffle_neighbors: int = 5, significance: str = "shuffle_test",
+        transform: str | bool | None = "ranks", workers: int = -1, model_selection_folds: int = 3, null_fit: None = None,
+        permute: str = "Y", **others: Any,
+    ) -> None:  # fmt: skip
         not_covered(null_fit=null_fit, permute=None if permute == "Y" else permute)
         self.knn, self.shuffle_neighbors = knn, shuffle_neighbors
         self.transform, self.workers = transform, workers

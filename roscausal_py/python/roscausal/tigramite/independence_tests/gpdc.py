@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from ..refusal import not_covered
 from .independence_tests_base import CondIndTest
 
 
@@ -22,3 +25,7 @@ class GPDC(CondIndTest):
 
     measure = "gp_dc"
     _engine = "gpdc"
+
+    def __init__(self, null_dist_filename: None = None, gp_params: None = None, **others: Any) -> None:
+        not_covered(null_dist_filename=null_dist_filename, gp_params=gp_params)
+        super().__init__(**others)

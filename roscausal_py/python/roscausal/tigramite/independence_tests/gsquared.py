@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from ..refusal import not_covered
 from .independence_tests_base import CondIndTest
 
 
@@ -22,3 +25,8 @@ class Gsquared(CondIndTest):
 
     measure = "gsquared"
     _engine = "gsquared"
+
+    def __init__(self, n_symbs: int | None = None, **others: Any) -> None:
+        # The engine counts the values that are there, and so does the reference where it is not told.
+        not_covered(n_symbs=n_symbs)
+        super().__init__(**others)

@@ -16,6 +16,10 @@ from ..refusal import NotCovered, not_covered, unknown
 
 Nodes = Sequence[tuple[int, int]]
 _CUT_OFFS = ("2xtau_max", "tau_max", "max_lag", "max_lag_or_tau_max")
+#: The settings of the engine that all tests have.
+_SHARED = (
+    "seed", "significance", "sig_samples", "sig_blocklength", "confidence", "conf_lev", "conf_samples", "conf_blocklength",
+)  # fmt: skip
 
 
 class CondIndTest:
@@ -46,21 +50,11 @@ class CondIndTest:
     _one_sided = False
 
     def __init__(
-        self,
-        seed: int = 42,
-        mask_type: str | None = None,
-        significance: str | None = None,
-        fixed_thres: float | None = None,
-        sig_samples: int = 500,
-        sig_blocklength: int | None = None,
-        confidence: str | None = None,
-        conf_lev: float = 0.9,
-        conf_samples: int = 100,
-        conf_blocklength: int | None = None,
-        recycle_residuals: bool = False,
-        verbosity: int = 0,
+        self, seed: int = 42, mask_type: str | None = None, significance: str | None = None, fixed_thres: float | None = None,
+        sig_samples: int = 500, sig_blocklength: int | None = None, confidence: str | None = None, conf_lev: float = 0.9,
+        conf_samples: int = 100, conf_blocklength: int | None = None, recycle_residuals: bool = False, verbosity: int = 0,
         **others: object,
-    ) -> None:
+    ) -> None:  # fmt: skip
         unknown(type(self).__name__, others, KEYWORDS)
         not_covered(fixed_thres=fixed_thres)
         if not self._engine:
@@ -82,18 +76,8 @@ class CondIndTest:
     @property
     def spec(self) -> str:
         """Name and settings, as the engine takes them."""
-        shared = {
-            "name": self._engine,
-            "seed": self.seed,
-            "significance": self.significance,
-            "sig_samples": self.sig_samples,
-            "sig_blocklength": self.sig_blocklength,
-            "confidence": self.confidence,
-            "conf_lev": self.conf_lev,
-            "conf_samples": self.conf_samples,
-            "conf_blocklength": self.conf_blocklength,
-        }
-        return json.dumps({**shared, **self._own()}, default=lambda value: value.item())
+        shared = {name: getattr(self, name) for name in _SHARED}
+        return json.dumps({"name": self._engine, **shared, **self._own()}, default=lambda value: value.item())
 
     def set_dataframe(self, dataframe: DataFrame) -> None:
         """The data of `run_test` and `get_measure`."""
@@ -118,22 +102,18 @@ class CondIndTest:
             raise DataError("there are no data: call set_dataframe first")
         if cut_off not in _CUT_OFFS:
             raise SettingError(f"setting 'cut_off': '{cut_off}' is unknown; allowed: {', '.join(_CUT_OFFS)}")
+        check_test(self, self.dataframe)
         z = [node for node in dict.fromkeys(map(tuple, Z or [])) if node not in [*map(tuple, X), *map(tuple, Y)]]
         if len(X) != 1 or len(Y) != 1:
-            raise NotCovered("X or Y of several nodes are not covered by roscausal.tigramite")
+            raise NotCovered("X or Y of several nodes are not covered by roscausal.tigramite; make them one by DataFrame(vector_vars=..)")
         max_lag = max(abs(node[1]) for node in (*X, *Y, *z))
         start = {"2xtau_max": 2 * tau_max, "tau_max": tau_max, "max_lag": max_lag}.get(cut_off, max(max_lag, tau_max))
         return self._ask(self.dataframe.frame(self.mask_type), X[0], Y[0], z, start)  # type: ignore[arg-type]
 
     def run_test(
-        self,
-        X: Nodes,
-        Y: Nodes,
-        Z: Nodes | None = None,
-        tau_max: int = 0,
-        cut_off: str = "2xtau_max",
+        self, X: Nodes, Y: Nodes, Z: Nodes | None = None, tau_max: int = 0, cut_off: str = "2xtau_max",
         alpha_or_thres: float | None = None,
-    ) -> Any:
+    ) -> Any:  # fmt: skip
         """Tests X _||_ Y | Z on the data frame.
 
         Args:
@@ -162,35 +142,35 @@ class CondIndTest:
         return value, p_value, dependent
 
     def run_test_raw(
-        self,
-        x: ArrayLike,
-        y: ArrayLike,
-        z: ArrayLike | None = None,
-        x_type: None = None,
-        y_type: None = None,
-        z_type: None = None,
-        alpha_or_thres: float | None = None,
-    ) -> Any:
+        self, x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None, x_type: ArrayLike | None = None,
+        y_type: ArrayLike | None = None, z_type: ArrayLike | None = None, alpha_or_thres: float | None = None,
+    ) -> Any:  # fmt: skip
         """Tests x _||_ y | z on arrays.
 
         Args:
-            x: (n,) or (n, 1); so is y.
+            x: (n,), or (n, k) for a vector; so is y.
             z: (n, k), or None.
+            x_type: Like x, 0 for numbers and 1 for categories; so are y_type and z_type.
             alpha_or_thres: Level, or with "fixed_thres" the threshold.
 
         Returns:
             (value, p-value), and the decision if `alpha_or_thres` is given.
         """
-        not_covered(x_type=x_type, y_type=y_type, z_type=z_type)
         parts = [_columns(x, "x"), _columns(y, "y"), *([] if z is None else [_columns(z, "z")])]
-        if parts[0].shape[1] != 1 or parts[1].shape[1] != 1:
-            raise NotCovered("x or y of several columns are not covered by roscausal.tigramite")
         if len({part.shape[0] for part in parts}) != 1:
             raise DataError(f"x, y and z have {', '.join(str(part.shape[0]) for part in parts)} samples; give the same number")
         array = np.ascontiguousarray(np.hstack(parts))
-        frame = _native.Frame([array], [f"x{k}" for k in range(array.shape[1])])
-        found = self._ask(frame, (0, 0), (1, 0), [(k, 0) for k in range(2, array.shape[1])], 0)
+        types = [given for given in (x_type, y_type, z_type) if given is not None]
+        kinds = {0: np.hstack([_columns(given, "types") for given in types]).astype(int)} if types else None
+        places = np.split(np.arange(array.shape[1]), [parts[0].shape[1], parts[0].shape[1] + parts[1].shape[1]])
+        vectors = [places[0], places[1], *places[2][:, np.newaxis]]
+        frame = DataFrame(array, vector_vars={k: [(column, 0) for column in of] for k, of in enumerate(vectors)}, data_type=kinds)
+        check_test(self, frame)
+        found = self._ask(frame.frame(None), (0, 0), (1, 0), [(k, 0) for k in range(2, len(vectors))], 0)
         return self._decided(found, alpha_or_thres)
+
+    def _check(self, frame: DataFrame) -> None:
+        """Refuses data that this test does not take."""
 
     def get_measure(self, X: Nodes, Y: Nodes, Z: Nodes | None = None, tau_max: int = 0, data_type: None = None) -> float:
         """The value of the test X _||_ Y | Z on the data frame."""
@@ -207,18 +187,33 @@ class CondIndTest:
         return limits
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):
+        if name.startswith("__"):
             raise AttributeError(name)
         raise NotCovered(f"{type(self).__name__}.{name} is not covered by roscausal.tigramite")
 
 
 KEYWORDS = (
     "seed", "mask_type", "significance", "sig_samples", "sig_blocklength", "confidence", "conf_lev", "conf_samples",
-    "conf_blocklength", "recycle_residuals", "verbosity", "knn", "shuffle_neighbors", "transform", "workers",
+    "conf_blocklength", "recycle_residuals", "verbosity", "knn", "shuffle_neighbors", "transform", "workers", "n_symbs",
+    "window_size", "correlation_type",
 )  # fmt: skip
 
 #: Two independent variables, to try settings on.
 _PAIR = _native.Frame([np.ascontiguousarray((np.arange(24) * 7 % 11).reshape(12, 2).astype(float))], ["x", "y"])
+
+
+def check_test(test: Any, frame: DataFrame) -> None:
+    """Refuses a test of ours that does not take the data, or with functions of the user's, which the engine would never call."""
+    if isinstance(test, CondIndTest):
+        test._check(frame)
+        ours = next(kind for kind in type(test).__mro__ if kind.__module__.startswith("roscausal."))
+        between = type(test).__mro__[: type(test).__mro__.index(ours)]
+        own = [name for kind in between for name, value in vars(kind).items() if callable(value) and name != "__init__"]
+        if own:
+            raise NotCovered(
+                f"{type(test).__name__}.{own[0]} is not covered by roscausal.tigramite, which calls no functions of {ours.__name__}; give "
+                "PCMCI an object of no base class with run_test_raw(x, y, z), or derive from tigramite's"
+            )
 
 
 def _columns(values: ArrayLike, what: str) -> NDArray[np.float64]:

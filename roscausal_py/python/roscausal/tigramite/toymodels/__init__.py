@@ -1,0 +1,1 @@
+"""Toy models: series of known graphs, as in tigramite."""
