@@ -26,7 +26,7 @@ def scenario(**change):
 # Name: scenario and further flags of the simulator.
 RUNS = {
     "encounters": (None, []),
-    # She neither slows down for a goal nor gives way: her pace alone moves her distance and the risk. The tracker is good at places and
+    # The person neither slows down for a goal nor gives way: their pace alone moves their distance and the risk. The tracker is good at places and
     # bad at speeds: a risk of exact speeds would be the pace itself, and differences of inexact places depend on each other.
     "pace": (
         scenario(avoids=False, slow_distance=0.0, slows_in_turns=False, pace_time=1.5, pace_sd=0.5)
@@ -37,7 +37,7 @@ RUNS = {
     "quick": (scenario(speed=1.9), []),
 }
 PARCORR = ["--test", "parcorr"]
-# How fast the distance to her goal falls, and the risk: both follow from her speed. It has outliers, where a new goal begins.
+# How fast the distance to their goal falls, and the risk: both follow from their speed. It has outliers, where a new goal begins.
 CLOSING = ["--feature", "closing = rate(h_dg)", "--test", "robustparcorr"]
 # The setting of this case was chosen on seeds 2001 to 2010; its seeds start at 3001.
 LATER = {"pace": 2500}

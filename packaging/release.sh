@@ -8,6 +8,7 @@
 #   source   the repository with all crates that it needs: builds without a network
 #   rosdebian  folders debian/ for ROS 2 humble and jazzy, to be laid over that source
 #   crates   the crates as crates.io would get them; they are checked, and stay in target/package
+#   semver   whether the crates' interfaces keep what those of the last tag promised (cargo-semver-checks)
 #   sbom     what is in the command: a list of all crates in CycloneDX
 #   plan     which archives and installers cargo-dist would make of a tag (dist-workspace.toml); it makes none of them
 #
@@ -18,7 +19,7 @@ cd "$(dirname "$0")/.."
 . tests/lib.sh
 target=x86_64-unknown-linux-gnu
 
-parts=(sdist wheel aarch64 deb source rosdebian crates sbom plan)
+parts=(sdist wheel aarch64 deb source rosdebian crates semver sbom plan)
 usage() { echo "usage: packaging/release.sh --dry-run [--only $(IFS='|'; echo "${parts[*]}")]" >&2; exit 2; }
 only= dry=
 while [ $# -gt 0 ]; do
@@ -164,15 +165,28 @@ rosdebian() {
   rm -rf "$made"
 }
 
+# The crates that crates.io would get, as `-p NAME`.
+published() {
+  cargo metadata --quiet --format-version 1 --no-deps | python3 -c 'import json, sys
+for package in json.load(sys.stdin)["packages"]:
+    if package["publish"] != []: print("-p", package["name"])'
+}
+
 # Each is built from what is packed, in the order of their dependencies.
 crates() {
-  local members
-  members=$(cargo metadata --quiet --format-version 1 --no-deps | python3 -c 'import json, sys
-for package in json.load(sys.stdin)["packages"]:
-    if package["publish"] != []: print("-p", package["name"])')
   rm -f target/package/*.crate
-  cargo package --quiet --locked --allow-dirty $members
+  # shellcheck disable=SC2046 # the names are words
+  cargo package --quiet --locked --allow-dirty $(published)
   ls target/package/*.crate
+}
+
+# Before the first tag there is nothing to compare with.
+semver() {
+  local tag
+  tag=$(git describe --tags --abbrev=0 2>/dev/null) || { echo "NOT CHECKED: no tag to compare with"; return 0; }
+  tool semver-checks 0.51.0
+  # shellcheck disable=SC2046 # the names are words
+  cargo semver-checks --baseline-rev "$tag" $(published)
 }
 
 sbom() {

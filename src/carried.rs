@@ -39,14 +39,11 @@ pub(crate) fn carried(path: &Path) -> Result<Carried> {
     }
     let mut carried = Carried::default();
     for (name, value) in all {
-        let Some((node, param)) =
-            name.split_once('.').filter(|(node, _)| *node == "discovery" || RECORDING.contains(node))
-        else {
-            continue;
-        };
-        match travel::may_set(node, param, &value) {
+        let (node, param) = name.split_once('.').unwrap_or(("", &name));
+        let is_known = node == "discovery" || RECORDING.contains(&node);
+        match is_known && travel::may_set(node, param, &value) {
             true => drop(carried.used.insert(name, value)),
-            false => carried.left_out.push(travel::told(node, param)),
+            false => carried.left_out.push(travel::reported(node, param)),
         }
     }
     Ok(carried)

@@ -12,18 +12,25 @@ pub(crate) fn bar(what: &str, total: u64, quiet: bool) -> ProgressBar {
     if quiet || terminal::is_quiet() {
         bar.set_draw_target(ProgressDrawTarget::hidden());
     }
-    if let Ok(style) = ProgressStyle::with_template("{prefix:12} {wide_bar} {pos}/{len}  {elapsed} eta {eta}")
-    {
+    let count = if total == 0 { "{percent:>3} %" } else { "{pos}/{len}" };
+    let template = format!("{{prefix:12}} {{wide_bar}} {count}  {{elapsed}} eta {{eta}}");
+    if let Ok(style) = ProgressStyle::with_template(&template) {
         bar.set_style(style);
     }
     bar.set_prefix(what.to_owned());
     bar
 }
 
-/// Shows how far an analysis is. It is at its end only when it is: the estimate of all tests grows on the way.
+/// Parts of a bar of an analysis.
+const PARTS: u64 = 1000;
+
+/// Shows how far an analysis is, as a part of the whole. The estimate of all tests grows on the way; the bar neither grows nor goes back,
+/// and it is at its end only when the analysis is.
 pub(crate) fn show(bar: &ProgressBar, progress: Progress) {
-    bar.set_length(progress.estimated_total.max(progress.done + 1) as u64);
-    bar.set_position(progress.done as u64);
+    let total = progress.estimated_total.max(progress.done + 1) as f64;
+    let part = (PARTS as f64 * progress.done as f64 / total) as u64;
+    bar.set_length(PARTS);
+    bar.set_position(part.min(PARTS - 1).max(bar.position()));
 }
 
 #[cfg(test)]
@@ -31,12 +38,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_bar_is_full_before_the_first_test_or_before_the_end() {
+    fn no_bar_is_full_before_the_end_grows_or_goes_back() {
         let bar = bar("discovery", 0, true);
         assert_eq!(bar.length(), None);
-        for (done, estimated_total) in [(0, 0), (1, 1), (3, 9), (9, 9)] {
+        let mut before = 0;
+        for (done, estimated_total) in [(0, 0), (3, 9), (4, 90), (9, 9), (10, 10)] {
             show(&bar, Progress { done, estimated_total });
-            assert!(bar.length() > Some(bar.position()), "{done}");
+            assert!(bar.length() == Some(PARTS) && bar.position() < PARTS, "{done}");
+            assert!(bar.position() >= before, "{done}");
+            before = bar.position();
         }
     }
 }

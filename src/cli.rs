@@ -3,6 +3,7 @@
 use std::{
     ffi::OsString,
     path::{Path, PathBuf},
+    sync::LazyLock,
 };
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -23,15 +24,14 @@ mod examples {
     pub(super) const DEMO: &str = "Examples:\n  roscausal demo\n  roscausal demo --seed 7 --out my_demo --record run.mcap\n  roscausal demo --web --do robot.off@60..90";
     pub(super) const ROLL: &str = "Examples:\n  roscausal roll data.csv --window 500 --step 125\n  roscausal roll run.mcap --batch 500 --changes -o rolling\n  roscausal roll data.csv --window 300 --test parcorr --format jsonl";
     pub(super) const DISCOVER: &str = "Examples:\n  roscausal discover data.csv\n  roscausal discover a.csv b.csv --method pcmci --test parcorr --tau-max 5 -o result\n  roscausal discover log.csv --dt 0.1 --columns 'h_*' --feature 'closing = rate(dist)'\n  roscausal discover walk.tsv --format trajectories --goal last\n  roscausal discover run.mcap --people /people --person 7";
-    pub(super) const SHOW: &str = "Examples:\n  roscausal show result/model.json\n  roscausal show result/model.json --format dot | dot -Tpdf -o model.pdf";
+    pub(super) const SHOW: &str = "Examples:\n  roscausal show result\n  roscausal show result --report report.html --latex links.tex\n  roscausal show result/model.json --format dot | dot -Tpdf -o model.pdf";
     pub(super) const COMPARE: &str = "Examples:\n  roscausal compare a/model.json b/model.json\n  roscausal compare a/model.json b/model.json -o difference";
     pub(super) const REPLAY: &str = "Examples:\n  roscausal replay run.mcap --speed 5 --web\n  roscausal replay walk.bag --people /people --person nearest:1 -o models";
     pub(super) const EXPERIMENT: &str = "Examples:\n  roscausal experiment --seeds 501..520 --out sweep";
     pub(super) const REPORT: &str = "Examples:\n  roscausal report result -o report.html\n  roscausal report data.csv -o report.html --latex links.tex";
     pub(super) const TELEOP: &str = "Examples:\n  roscausal teleop";
     pub(super) const TOPICS: &str = "Examples:\n  roscausal topics walk.bag";
-    pub(super) const PREDICT: &str = "Examples:\n  roscausal predict result/model.json --data a.csv,b.csv";
-    pub(super) const WHATIF: &str = "Examples:\n  roscausal whatif result/model.json --data a.csv --action 'stop: r_v=0' --action 'go on' --cost h_risk\n  roscausal whatif result/model.json --data a.csv --action 'stop: r_v=0' --had --at 60";
+    pub(super) const WHATIF: &str = "Examples:\n  roscausal whatif result --data a.csv,b.csv\n  roscausal whatif result/model.json --data a.csv --action 'stop: r_v=0' --action 'go on' --cost h_risk\n  roscausal whatif result/model.json --data a.csv --action 'stop: r_v=0' --had --at 60";
     pub(super) const EFFECT: &str =
         "Examples:\n  roscausal effect result/model.json --data a.csv --cause r_v --effect h_v";
     pub(super) const EXPLAIN: &str =
@@ -40,7 +40,7 @@ mod examples {
 
 /// Find out what causes what between robots and people.
 #[derive(Parser)]
-#[command(name = "roscausal", version, about, propagate_version = true)]
+#[command(name = "roscausal", version, about, propagate_version = true, max_term_width = 100)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -51,7 +51,7 @@ pub(crate) struct Cli {
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     quiet: bool,
     /// Colours: auto (where a person reads; not if NO_COLOR is set), always, never.
-    #[arg(long, global = true, value_enum, default_value_t = terminal::Colour::Auto, value_name = "WHEN", hide_possible_values = true)]
+    #[arg(long, global = true, value_enum, default_value_t = terminal::Colour::Auto, value_name = "WHEN", hide_possible_values = true, hide_short_help = true)]
     color: terminal::Colour,
 }
 
@@ -64,7 +64,7 @@ pub(crate) enum Command {
     /// Find the causal model of CSV files or recordings (ROS 1 .bag, ROS 2 .mcap and .db3).
     #[command(after_help = examples::DISCOVER)]
     Discover(discover::Args),
-    /// Print a stored model again, and draw it.
+    /// Print a stored model again, draw it, or write it and what stands behind it as one HTML file.
     #[command(after_help = examples::SHOW)]
     Show(show::Args),
     /// Say what differs between two stored models, and draw it.
@@ -79,17 +79,22 @@ pub(crate) enum Command {
     /// Run the demo's chain over many seeds and measure how often each link is found.
     #[command(after_help = examples::EXPERIMENT)]
     Experiment(experiment::Args),
-    /// Write a model and what stands behind it as one HTML file, to read, print and pass on.
-    #[command(after_help = examples::REPORT)]
+    /// Older name of `show --report`; also of data, as `discover --out` does.
+    #[command(after_help = examples::REPORT, hide = true)]
     Report(html_report::Args),
     /// Print what each discovery method says, assumes and costs, and when to take it.
     Methods,
-    /// Print a script that completes this command's words in a shell: `source <(roscausal completions bash)`.
+    /// Print a script that completes this command's words in a shell (`source <(roscausal completions bash)`), or write the manual.
     Completions {
         /// The shell.
-        shell: Shell,
+        #[arg(required_unless_present = "man")]
+        shell: Option<Shell>,
+        /// Folder for the manual pages, one for each subcommand (`man -l DIR/roscausal-discover.1`).
+        #[arg(long, value_name = "DIR")]
+        man: Option<PathBuf>,
     },
-    /// Write the manual pages, one for each subcommand (`man -l DIR/roscausal-discover.1`).
+    /// Older name of `completions --man`.
+    #[command(hide = true)]
     Man {
         /// Folder for them.
         dir: PathBuf,
@@ -100,11 +105,9 @@ pub(crate) enum Command {
     /// List what a recording holds: topics with type, number of messages, rate and longest gap.
     #[command(after_help = examples::TOPICS)]
     Topics(topics::Args),
-    /// Say what will happen over the next steps if nobody acts, by a causal model and data.
-    #[command(after_help = examples::PREDICT)]
-    Predict(reasoning::PredictArgs),
-    /// Say what will happen under each of some actions, or would have happened (--had), and which is best.
-    #[command(after_help = examples::WHATIF)]
+    /// Say what will happen over the next steps, if nobody acts or under each of some actions, or would have happened (--had), and
+    /// which is best.
+    #[command(after_help = examples::WHATIF, alias = "predict")]
     Whatif(reasoning::WhatIfArgs),
     /// Say how strongly one variable drives another, directly and through others, and what that rests on.
     #[command(after_help = examples::EFFECT)]
@@ -114,9 +117,57 @@ pub(crate) enum Command {
     Explain(reasoning::ExplainArgs),
 }
 
-/// The long flags of all subcommands, without dashes.
-pub(crate) fn long_flags() -> Vec<String> {
-    flags::all_of(&Cli::command())
+impl Command {
+    /// Whether nothing is recorded, and no result is written bit by bit.
+    pub(crate) fn only_reads(&self) -> bool {
+        use Command::{Compare, Effect, Explain, Report, Show, Whatif};
+        matches!(self, Compare(_) | Effect(_) | Explain(_) | Report(_) | Show(_) | Whatif(_))
+    }
+}
+
+/// The groups of flags in a `--help`, in their order, after the subcommand's own.
+const HEADINGS: [&str; 8] =
+    ["Data", "Recordings", "People", "Nodes and page", "Method", "Confidence", "Output", "For experts"];
+/// The flags of these groups that `-h` shows: what nine in ten need.
+const COMMON: [&str; 21] = [
+    "columns", "rows", "dt", "feature", "people", "person", "method", "test", "alpha", "tau-max", "fdr",
+    "resamples", "out", "format", "all", "time-budget", "changes", "speed", "record", "web", "label",
+];
+
+/// The command line as it is written down.
+static WRITTEN: LazyLock<clap::Command> = LazyLock::new(Cli::command);
+
+/// The same, with the flags of each subcommand in groups.
+static GROUPED: LazyLock<clap::Command> = LazyLock::new(|| {
+    let has_groups = |sub: &&clap::Command| {
+        !sub.has_subcommands() && sub.get_arguments().any(|arg| arg.get_help_heading().is_some())
+    };
+    let grouped = WRITTEN.get_subcommands().filter(has_groups).map(grouped);
+    grouped.fold(WRITTEN.clone(), |command, sub| {
+        let name = sub.get_name().to_owned();
+        command.mut_subcommand(name, |_| sub)
+    })
+});
+
+/// The command line, with the flags of each subcommand in groups.
+pub(crate) fn command() -> clap::Command {
+    GROUPED.clone()
+}
+
+fn grouped(sub: &'static clap::Command) -> clap::Command {
+    let place =
+        |arg: &clap::Arg| HEADINGS.iter().position(|heading| Some(*heading) == arg.get_help_heading());
+    let is_rare = |arg: &clap::Arg| {
+        arg.get_help_heading().is_some() && !arg.get_long().is_some_and(|flag| COMMON.contains(&flag))
+    };
+    let mut args: Vec<clap::Arg> = sub.get_arguments().cloned().collect();
+    args.sort_by_key(place);
+    let args = args.into_iter().map(|arg| if is_rare(&arg) { arg.hide_short_help(true) } else { arg });
+    clap::Command::new(sub.get_name())
+        .about(sub.get_about().cloned().unwrap_or_default())
+        .args(args)
+        .groups(sub.get_groups().cloned())
+        .after_help(sub.get_after_help().cloned().unwrap_or_default())
 }
 
 /// The longest word of the command line that a complaint quotes, in characters: a path may be long.
@@ -129,7 +180,7 @@ fn refuse(line: &[OsString], error: &clap::Error, colour: terminal::Colour) -> !
     let shown =
         |word: &OsString| visible::line(&visible::cut(&word.to_string_lossy(), LONGEST_WORD)).into_owned();
     let again = |shown: &dyn Fn(&OsString) -> String| {
-        Cli::command().color(colour.for_clap()).try_get_matches_from(line.iter().map(shown)).err()
+        command().color(colour.for_clap()).try_get_matches_from(line.iter().map(shown)).err()
     };
     match again(&shown).or_else(|| again(&|word| shown(word).replace(['<', '>'], "|"))) {
         Some(shown) => terminal::print_complaint(&shown.render()),
@@ -141,7 +192,7 @@ fn refuse(line: &[OsString], error: &clap::Error, colour: terminal::Colour) -> !
 /// Prints the script of a shell.
 pub(crate) fn print_completions(shell: Shell) {
     let mut script = Vec::new();
-    clap_complete::generate(shell, &mut Cli::command(), "roscausal", &mut script);
+    clap_complete::generate(shell, &mut command(), "roscausal", &mut script);
     terminal::print_text(&String::from_utf8_lossy(&script));
 }
 
@@ -150,7 +201,7 @@ pub(crate) fn print_completions(shell: Shell) {
 /// # Errors
 /// The error of the file system.
 pub(crate) fn write_manual(dir: &Path) -> Result<()> {
-    let mut command = Cli::command();
+    let mut command = command();
     command.build();
     let pages =
         std::iter::once(&command).chain(command.get_subcommands().filter(|sub| sub.get_name() != "help"));
@@ -170,9 +221,10 @@ impl Cli {
     /// # Errors
     /// A file of settings that cannot be used.
     pub(crate) fn with_presets(line: Vec<OsString>) -> Result<Option<Self>> {
+        flags::know(&GROUPED);
         let colour = terminal::Colour::in_line(&line);
         colour.choose();
-        let matches = match Self::command().color(colour.for_clap()).try_get_matches_from(&line) {
+        let matches = match command().color(colour.for_clap()).try_get_matches_from(&line) {
             Ok(matches) => matches,
             Err(error) if error.use_stderr() => refuse(&line, &error, colour),
             Err(asked_for) => {
@@ -184,9 +236,9 @@ impl Cli {
         if matches.subcommand().is_some_and(|(_, own)| own.get_flag("quiet")) {
             terminal::be_quiet();
         }
-        let (whole, told) = presets::apply(&line, &matches, &Self::command())?;
-        told.iter().for_each(|told| crate::terminal::tell!("{told}"));
-        let understood = Self::command().color(colour.for_clap()).try_get_matches_from(&whole);
+        let (whole, reported) = presets::apply(&line, &matches, &command())?;
+        reported.iter().for_each(|reported| crate::terminal::tell!("{reported}"));
+        let understood = command().color(colour.for_clap()).try_get_matches_from(&whole);
         let mut matches = understood.unwrap_or_else(|error| refuse(&whole, &error, colour));
         let cli =
             Self::from_arg_matches_mut(&mut matches).map_err(|error| Error::param("arguments", error))?;
@@ -235,8 +287,26 @@ mod tests {
     }
 
     #[test]
+    fn a_short_help_has_at_most_25_flags_and_a_long_one_ends_with_those_for_experts() {
+        let mut command = super::command().term_width(80);
+        command.build();
+        for sub in command.get_subcommands_mut().filter(|sub| !sub.has_subcommands()) {
+            let is_flag = |line: &&str| line.trim_start().starts_with('-');
+            let short = sub.render_help().to_string();
+            assert!(short.lines().filter(is_flag).count() <= 25, "{short}");
+            // What cannot be broken is an example.
+            let (flags, _) = short.split_once("Examples:").unwrap_or((&short, ""));
+            assert!(flags.lines().all(|line| line.chars().count() <= 80), "{short}");
+            let long = sub.render_long_help().to_string();
+            let headings: Vec<usize> =
+                HEADINGS.iter().filter_map(|of| long.find(&format!("\n{of}:\n"))).collect();
+            assert!(headings.is_sorted(), "{long}");
+        }
+    }
+
+    #[test]
     fn every_subcommand_with_flags_has_examples_that_are_understood() {
-        let command = Cli::command();
+        let command = super::command();
         let mut seen = 0;
         for sub in command.get_subcommands() {
             let Some(help) = sub.get_after_help() else {
@@ -250,7 +320,7 @@ mod tests {
             let help = help.to_string();
             for line in help.lines().skip(1) {
                 let line = line.split(" | ").next().expect("a line").trim();
-                if let Err(error) = Cli::command().try_get_matches_from(words(line)) {
+                if let Err(error) = super::command().try_get_matches_from(words(line)) {
                     panic!("{line}: {error}");
                 }
                 seen += 1;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args as ClapArgs;
 use roscausal_core::Result;
 use roscausal_discovery::{
-    Link, Model, draw,
+    Link, LinkMark, Model, draw,
     names::plain,
     settings::{SETTINGS, Setting},
 };
@@ -58,14 +58,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             (Some(one), Some(other)) if one * other < 0.0 => ", of opposite sign",
             _ => "",
         };
-        terminal::say!(
-            "  {} -> {} at lag {}: {}, {}{turned}",
-            plain(&in_a.cause),
-            plain(&in_a.effect),
-            in_a.lag,
-            in_a.strength_in_words(2),
-            in_b.strength_in_words(2)
-        );
+        let (cause, effect, lag) = (plain(&in_a.cause), plain(&in_a.effect), in_a.lag);
+        let (one, other) = (in_a.strength_in_words(2), in_b.strength_in_words(2));
+        terminal::say!("  {cause} -> {effect} at lag {lag}: {one}, {other}{turned}");
     }
     for (name, model, links) in [(&first, &a, &difference.only_a), (&second, &b, &difference.only_b)] {
         terminal::say!("{} only in {name}", links.len());
@@ -99,7 +94,7 @@ impl<'a> Difference<'a> {
 
 /// Whether two links join the same variables at the same lag with the same mark.
 fn same(a: &Link, b: &Link) -> bool {
-    let key = |link: &Link| (plain(&link.cause), plain(&link.effect), link.lag, link.mark.clone());
+    let key = |link: &Link| (plain(&link.cause), plain(&link.effect), link.lag, link.mark);
     key(a) == key(b)
 }
 
@@ -108,7 +103,7 @@ fn settings(a: &Model, b: &Model) -> Vec<String> {
     let number = |value: Option<f64>| value.map_or("none".to_owned(), |value| value.to_string());
     let facts = |model: &Model| {
         [
-            ("method", model.method.clone()),
+            ("method", model.method.to_string()),
             ("test", model.cond_ind_test.clone()),
             ("alpha", model.alpha.to_string()),
             ("pc-alpha", number(model.pc_alpha)),
@@ -119,7 +114,7 @@ fn settings(a: &Model, b: &Model) -> Vec<String> {
             ("samples", model.n_samples.to_string()),
             ("recordings", model.n_recordings.to_string()),
             ("seed", model.seed.to_string()),
-            ("status", model.status.clone()),
+            ("status", model.status.to_string()),
         ]
     };
     let pairs = facts(a).into_iter().zip(facts(b));
@@ -147,7 +142,7 @@ fn with_links(model: &Model, links: &[&Link]) -> Model {
                     .iter()
                     .any(|link| named(link, cause, effect) || (lag == 0 && named(link, effect, cause)));
                 if !stays {
-                    part.graph[i][j][lag].clear();
+                    part.graph[i][j][lag] = LinkMark::Absent;
                 }
             }
         }

@@ -72,14 +72,14 @@ pub(crate) struct Args {
     #[command(flatten)]
     means: MeansArgs,
     /// Folder for batches, model and pictures.
-    #[arg(short, long, value_name = "DIR", default_value = "roscausal_demo")]
+    #[arg(short, long, value_name = "DIR", default_value = "roscausal_demo", help_heading = "Output")]
     out: PathBuf,
     #[command(flatten)]
     sink: SinkArgs,
     #[command(flatten)]
     web: WebArgs,
     /// With --web: how many times faster than real time the simulation runs; `max`: as fast as the machine allows.
-    #[arg(long, default_value = "5", requires = "web")]
+    #[arg(long, default_value = "5", requires = "web", help_heading = "Nodes and page")]
     speed: Speed,
 }
 
@@ -90,11 +90,9 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     if args.web.wanted() {
         return run.watch(args, record, interrupt);
     }
+    let Args { scenario, duration, seed, .. } = args;
     crate::terminal::say!(
-        "Simulating '{}' for {} s (seed {}), recording two batches ...",
-        args.scenario,
-        args.duration,
-        args.seed
+        "Simulating '{scenario}' for {duration} s (seed {seed}), recording two batches ..."
     );
     let (folders, model) = run.recorded_chain(record, interrupt)?;
     // What is found is written as a whole.
@@ -189,7 +187,7 @@ impl Run {
         nodes::set_subjects(&bus, &simulation);
         self.set_parameters(&bus, folders, BATCHES)?;
         presets::write(&folders.dir, &nodes::carried(&bus)?)?;
-        let (mut nodes, progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
+        let (nodes, progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let mut sink = Sink::open(&bus, record)?;
         // Every topic exists before its first message.
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
@@ -200,12 +198,7 @@ impl Run {
             .and_then(|()| self.check_batches(nodes.batches_recorded()));
         let found = recorded.and_then(|()| await_model(folders, &nodes, &progress, interrupt));
         if interrupt.is_set() {
-            // The analysis may be within a long test: what is recorded comes first.
-            nodes.end_recording()?;
-            bus.settle();
-            sink.close()?;
-            interrupt.nothing_at_stake("what is recorded is kept");
-            nodes.end()?;
+            nodes.end_early(|| sink.close(), interrupt)?;
             return Ok(found);
         }
         // A node that failed is the reason why there is no model.
@@ -259,17 +252,13 @@ impl Run {
         self.set_parameters(&bus, folders, 1)?;
         let web = Web::start(&bus, &args.web, nodes::first_robot(&simulation))?;
         let (nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
-        let mut nodes = nodes.with_reasoning(true);
+        let nodes = nodes.with_reasoning(true);
         let mut sink = Sink::open(&bus, record)?;
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
         sink.watch()?;
         drop(announced);
         let simulated = simulate(&bus, simulation, interrupt, args.speed, None);
-        nodes.end_recording()?;
-        bus.settle();
-        sink.close()?;
-        interrupt.nothing_at_stake("what is recorded is kept");
-        nodes.end()?;
+        nodes.end_early(|| sink.close(), interrupt)?;
         web.map_or(Ok(()), Web::end)?;
         Ok(simulated)
     }

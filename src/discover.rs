@@ -5,7 +5,7 @@ mod changes;
 mod condition;
 mod estimate;
 #[cfg(test)]
-mod hostile;
+mod hostile_tests;
 mod method;
 mod reading;
 mod resampling;
@@ -38,12 +38,12 @@ use crate::{
     interrupt::Interrupt,
     output,
     recording::{self, InputArgs, Source},
-    report,
+    report::{self, Detail},
     results::{Results, check_whole},
 };
 use changes::ChangeArgs;
 pub(crate) use method::{Analysis, MeansArgs, MethodArgs};
-pub(crate) use reading::{PartArgs, ReadArgs};
+use reading::{PartArgs, ReadArgs};
 pub(crate) use resampling::ResampleArgs;
 use resampling::{Advised, ResultArgs};
 use trajectories::TrajectoryArgs;
@@ -56,42 +56,36 @@ pub(crate) struct Args {
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     #[command(flatten)]
-    inputs: InputArgs,
-    #[command(flatten)]
-    method: MethodArgs,
-    #[command(flatten)]
-    means: MeansArgs,
+    how: AnalysisArgs,
     #[command(flatten)]
     resample: ResampleArgs,
     #[command(flatten)]
     result: ResultArgs,
-    #[command(flatten)]
-    read: ReadArgs,
-    #[command(flatten)]
-    part: PartArgs,
     #[command(flatten)]
     trajectories: TrajectoryArgs,
     #[command(flatten)]
     changes: ChangeArgs,
     /// Batches with several people: pooled (each person is a recording of one system) or joint (everybody's
     /// variables).
-    #[arg(long, default_value = "pooled", value_parser = ["pooled", "joint"])]
+    #[arg(long, default_value = "pooled", value_parser = ["pooled", "joint"], help_heading = "People")]
     several_people: String,
+    #[command(flatten)]
+    pictures: output::PictureArgs,
     /// With --method auto: also do what is advised.
-    #[arg(long)]
+    #[arg(long, help_heading = "Method")]
     take_it: bool,
     /// Seed of all random numbers.
-    #[arg(long, default_value_t = 42)]
+    #[arg(long, default_value_t = 42, help_heading = "Method")]
     seed: u64,
     /// Folder for the model, its pictures and tables.
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     out: Option<PathBuf>,
     /// Write into --out although there are files of others, and over the file of --resample-out.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
     /// What to print on stdout; and `trajectories`: the files are tables with a row for each agent and time (ETH, UCY, ATC, THÖR), which
     /// become the variables of the nodes. Both: `--format trajectories,json`. Default: text.
-    #[arg(long, value_enum, value_delimiter = ',', ignore_case = true)]
+    #[arg(long, value_enum, value_delimiter = ',', ignore_case = true, help_heading = "Output")]
     format: Vec<FormatWord>,
 }
 
@@ -141,16 +135,11 @@ pub(crate) enum Format {
 }
 
 impl Format {
-    /// Prints a model.
-    pub(crate) fn print(self, model: &Model) -> Result<()> {
-        self.print_with(model, true)
-    }
-
-    /// As [`Format::print`]; `advice`: whether the text says how much longer to record.
-    fn print_with(self, model: &Model, advice: bool) -> Result<()> {
+    /// Prints a model; `advice`: whether the text says what to do next.
+    pub(crate) fn print(self, model: &Model, detail: Detail, advice: bool) -> Result<()> {
         let text = match self {
             Self::Text => {
-                crate::terminal::print_report(&report::text_with(model, advice));
+                crate::terminal::print_report(&report::text_with(model, detail, advice));
                 return Ok(());
             }
             Self::Json => {
@@ -170,10 +159,10 @@ impl Format {
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     interrupt.nothing_at_stake("there is no result yet, and nothing is written");
     let format = args.printed()?;
-    if args.take_it && !args.method.is_auto() {
+    if args.take_it && !args.how.method.is_auto() {
         return Err(Error::param("take-it", "it is for --method auto"));
     }
-    if args.method.is_auto() && !args.take_it {
+    if args.how.method.is_auto() && !args.take_it {
         return explain(args, interrupt);
     }
     let results = Results::wanted(args.out.as_deref(), args.force, &args.files)?;
@@ -186,16 +175,17 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let keep = results.as_ref().map(|results| results.folder().join("batches"));
     let Answer { model, evidence, data, graphs } =
         found_and_kept(args, interrupt, format != Format::Text, keep.as_deref())?;
+    args.pictures.check(&model)?;
     // From here on there is a result.
     interrupt.writing();
-    format.print_with(&model, args.result.advice == Advised::On)?;
+    format.print(&model, args.result.detail, args.result.advice == Advised::On)?;
     // Last: what cannot be written is at least printed.
     if let Some(file) = &args.result.resample_out {
         output::write_at(file, json_lines(&graphs)?.as_bytes())?;
     }
     let Some(results) = results else { return Ok(()) };
     results.write(|dir| {
-        output::write_model(dir, &model)?;
+        output::write_model_as(dir, &model, &args.pictures)?;
         output::write_file(dir, folders::EVIDENCE, evidence.to_json().as_bytes())?;
         for (i, recording) in data.recordings().iter().enumerate().take(MOST_PICTURES) {
             let name = format!("series_{}", i + 1);
@@ -207,11 +197,11 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
 
 /// Says which method and test these data ask for, and why. Nothing is analysed.
 fn explain(args: &Args, interrupt: &Interrupt) -> Result<()> {
-    let mut request = args.method.request_for_reading(args.seed)?;
+    let mut request = args.how.method.request_for_reading(args.seed)?;
     let Data { data, origins, .. } = Data::read(args, &mut request.settings, interrupt, true, None)?;
     look_at(&data, &origins, args, &request.settings)?;
     let recommended = Recommendation::of(&data, &request.settings);
-    let chosen = args.method.chosen(&recommended, &request)?;
+    let chosen = args.how.method.chosen(&recommended, &request)?;
     let (method, test) = (chosen.method, &chosen.cond_ind_test);
     crate::terminal::say!("For these data I would take {method} with {test}:");
     recommended.why.iter().for_each(|reason| crate::terminal::say!("* {reason}"));
@@ -254,61 +244,67 @@ pub(crate) fn found(args: &Args, interrupt: &Interrupt, quiet: bool) -> Result<A
 
 /// As [`found`]; the batches that are made of recordings are also put into the folder `keep`.
 fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<&Path>) -> Result<Answer> {
-    let mut request = args.method.request_for_reading(args.seed)?;
+    let mut request = args.how.method.request_for_reading(args.seed)?;
     let resampling = args.resample.asked()?;
-    request.settings.test.max_memory = args.means.max_bytes();
+    request.settings.test.max_memory = args.how.means.max_bytes();
     let Data { data, dt, mut warnings, origins, runs, .. } =
         Data::read(args, &mut request.settings, interrupt, quiet, keep)?;
     let data = data.with_named_vectors(&request.vectors)?;
-    if args.method.finds_lag() {
+    if args.how.method.finds_lag() {
         let lag = &mut request.settings.tau_max;
         let later = DataProfile::of(&data, *lag).0.with_later(&data, *lag, dt).later;
         *lag = later.first().map_or(*lag, |later| later.tau_max);
         warnings.push(format!("the largest lag is {lag}, as far as dependence is seen"));
     }
-    if args.method.is_auto() {
-        request.settings = args.method.chosen(&Recommendation::of(&data, &request.settings), &request)?;
+    if args.how.method.is_auto() {
+        request.settings = args.how.method.chosen(&Recommendation::of(&data, &request.settings), &request)?;
     }
-    let settings = args.method.for_variables(&request, data.var_names())?;
+    let settings = args.how.method.for_variables(&request, data.var_names())?;
     let profile = look_at(&data, &origins, args, &settings)?;
     let Levelled { data, settings, note } = Levelled::of(data, &runs, settings);
     warnings.extend(note);
     let profile =
         if settings.test.as_tigramite { profile } else { profile.with_later(&data, settings.tau_max, dt) };
-    if let Some(told) = estimate::check(&data, &settings, resampling.as_ref(), &args.means)? {
-        crate::terminal::tell!("{told}");
+    if let Some(reported) = estimate::check(&data, &settings, resampling.as_ref(), &args.how.means)? {
+        crate::terminal::tell!("{reported}");
     }
     let Resampled { mut model, evidence, graphs } =
-        args.means.analyse(&data, &settings, resampling.as_ref(), interrupt, quiet)?;
+        args.how.means.analyse(&data, &settings, resampling.as_ref(), interrupt, quiet)?;
     set_step(&mut model, dt);
     model.about_data = Some(profile);
     model.warnings.splice(0..0, warnings);
     Ok(Answer { model: model.spelled(flags::spelled_one), evidence, data, graphs })
 }
 
-/// Files, how they are read, and how they will be analysed.
-pub(crate) struct Readable<'a> {
-    pub(crate) files: &'a [PathBuf],
-    pub(crate) inputs: &'a InputArgs,
-    pub(crate) method: &'a MethodArgs,
-    pub(crate) means: &'a MeansArgs,
-    pub(crate) read: &'a ReadArgs,
-    pub(crate) part: &'a PartArgs,
+/// How files are read, and how they will be analysed.
+#[derive(ClapArgs, Clone, Debug, Default)]
+pub(crate) struct AnalysisArgs {
+    #[command(flatten)]
+    pub(crate) inputs: InputArgs,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
+    #[command(flatten)]
+    pub(crate) means: MeansArgs,
+    #[command(flatten)]
+    pub(crate) read: ReadArgs,
+    #[command(flatten)]
+    pub(crate) part: PartArgs,
 }
 
 /// The data of files, the settings for them, and their step in seconds, if known; refused are those that [`found`] refuses.
 pub(crate) fn read(
-    from: &Readable<'_>,
+    files: &[PathBuf],
+    how: &AnalysisArgs,
     seed: u64,
     interrupt: &Interrupt,
 ) -> Result<(DataFrame, Settings, Option<f64>)> {
-    let args = Args::of(from, seed);
-    let mut request = args.method.request(seed)?;
-    request.settings.test.max_memory = args.means.max_bytes();
+    let args = Args::of(files, how, seed);
+    let mut request = args.how.method.request(seed)?;
+    request.settings.test.max_memory = args.how.means.max_bytes();
     let Data { data, dt, origins, runs, .. } =
         Data::read(&args, &mut request.settings, interrupt, true, None)?;
     let data = data.with_named_vectors(&request.vectors)?;
-    let settings = args.method.for_variables(&request, data.var_names())?;
+    let settings = args.how.method.for_variables(&request, data.var_names())?;
     look_at(&data, &origins, &args, &settings)?;
     let Levelled { data, settings, .. } = Levelled::of(data, &runs, settings);
     Ok((data, settings, dt))
@@ -329,32 +325,17 @@ impl Args {
         self.format.contains(&FormatWord::Trajectories)
     }
 
-    /// The analysis of one file.
-    pub(crate) fn of_one(
-        file: &Path,
-        inputs: &InputArgs,
-        method: &MethodArgs,
-        means: &MeansArgs,
-        seed: u64,
-    ) -> Self {
-        let (read, part) = (ReadArgs::default(), PartArgs::default());
-        let files = &[file.to_owned()];
-        Self::of(&Readable { files, inputs, method, means, read: &read, part: &part }, seed)
-    }
-
-    fn of(from: &Readable<'_>, seed: u64) -> Self {
+    /// An analysis that prints the usual.
+    pub(crate) fn of(files: &[PathBuf], how: &AnalysisArgs, seed: u64) -> Self {
         Self {
-            files: from.files.to_vec(),
-            inputs: from.inputs.clone(),
-            method: from.method.clone(),
-            means: from.means.clone(),
+            files: files.to_vec(),
+            how: how.clone(),
             resample: ResampleArgs::default(),
             result: ResultArgs::default(),
-            read: from.read.clone(),
-            part: from.part.clone(),
             trajectories: TrajectoryArgs::default(),
             changes: ChangeArgs::default(),
             several_people: "pooled".into(),
+            pictures: output::PictureArgs::default(),
             take_it: false,
             seed,
             out: None,
@@ -464,13 +445,13 @@ impl Data {
         keep: Option<&Path>,
     ) -> Result<Self> {
         if args.has_trajectories() {
-            if let Some(flag) = args.inputs.given_besides_params() {
+            if let Some(flag) = args.how.inputs.given_besides_params() {
                 return Err(Error::param(
                     flag,
                     format!("it is for recordings; of trajectories, {} says who is analysed", Named("agent")),
                 ));
             }
-            return args.part.part(args.trajectories.read(args)?, &args.changes, None, &args.read);
+            return args.how.part.part(args.trajectories.read(args)?, &args.changes, None, &args.how.read);
         }
         if let Some(flag) = args.trajectories.given() {
             let reason = format!("it is for tables of trajectories ({} trajectories)", Named("format"));
@@ -479,16 +460,16 @@ impl Data {
         let (files, _made) = tables_of(args, interrupt, quiet, keep)?;
         let read = match with_facts(args, &files, settings)? {
             Some(data) => data,
-            None => Self::of(args.read.read(
+            None => Self::of(args.how.read.read(
                 &files,
-                args.inputs.dt(),
-                &args.part.columns(),
-                args.means.max_bytes(),
+                args.how.inputs.dt(),
+                &args.how.part.columns(),
+                args.how.means.max_bytes(),
             )?)?,
         };
-        let besides = args.part.columns();
-        let variables = if besides.is_empty() { None } else { args.read.variables(read.recorded)? };
-        args.part.part(read, &args.changes, variables.as_deref(), &args.read)
+        let besides = args.how.part.columns();
+        let variables = if besides.is_empty() { None } else { args.how.read.variables(read.recorded)? };
+        args.how.part.part(read, &args.changes, variables.as_deref(), &args.how.read)
     }
 
     /// Tables with the same columns, each as a recording.
@@ -542,7 +523,7 @@ fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settin
     };
     for fault in faults {
         let reason = match fault {
-            Fault::MissingFlag { .. } if args.read.knows_of_missing_values() => continue,
+            Fault::MissingFlag { .. } if args.how.read.knows_of_missing_values() => continue,
             Fault::MissingFlag { name, value, count } => format!(
                 "{name} is {value} in {count} rows, far from all its other values: it seems to stand for a missing value; \
                  {flag}={value} takes it as one, {flag}=none keeps it",
@@ -572,14 +553,14 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
         let facts = Facts::read(file);
         facts.ids.len() > 1 || !facts.context.is_empty()
     };
-    let own = args.read.chooses_columns()
-        || args.read.joins()
-        || (args.inputs.ignores_settings() && files.iter().all(|file| file.table == file.user))
-        || (!args.read.features().is_empty() && files.iter().all(|file| file.table == file.user));
+    let own = args.how.read.chooses_columns()
+        || args.how.read.joins()
+        || (args.how.inputs.ignores_settings() && files.iter().all(|file| file.table == file.user))
+        || (!args.how.read.features().is_empty() && files.iter().all(|file| file.table == file.user));
     if own || !tables.iter().any(says_more) {
         return Ok(None);
     }
-    let mut joint = Joint::read_within(&tables, args.means.max_bytes())?;
+    let mut joint = Joint::read_within(&tables, args.how.means.max_bytes())?;
     let people = args.several_people.parse()?;
     // The pooled model is the last one.
     let Some(part) = joint.parts(people)?.pop() else { return Ok(None) };
@@ -606,7 +587,7 @@ fn tables_of(
     keep: Option<&Path>,
 ) -> Result<(Vec<Input>, Option<tempfile::TempDir>)> {
     if !args.files.iter().any(|file| recording::is_recording(file)) {
-        return match args.inputs.given() {
+        return match args.how.inputs.given() {
             Some(flag) => Err(Error::param(flag, "it is for recordings; these files are tables")),
             None => {
                 let inputs = args.files.iter().enumerate().map(|(run, file)| Input::of_table(file, run));
@@ -620,8 +601,8 @@ fn tables_of(
     let mut files = Vec::new();
     for (number, file) in args.files.iter().enumerate() {
         if recording::is_recording(file) {
-            let inputs = args.inputs.with_param(args.read.as_parameter());
-            let source = Source::open(file, &inputs, args.means.max_bytes())?;
+            let inputs = args.how.inputs.with_param(args.how.read.as_parameter());
+            let source = Source::open(file, &inputs, args.how.means.max_bytes())?;
             let folder = temporary.path().join(format!("{}", number + 1));
             for batch in source.batches(&folder, interrupt, quiet)? {
                 if let Some(folder) = keep {

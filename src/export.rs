@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use roscausal_core::{Error, Result};
-use roscausal_discovery::{Link, Model, draw::escaped, names::plain, visible};
+use roscausal_discovery::{Link, LinkMark, Model, draw::escaped, names::plain, visible};
 
 use crate::report;
 
@@ -15,19 +15,21 @@ pub fn dot(model: &Model) -> String {
         let _ = writeln!(out, "  {};", quoted(&plain(name)));
     }
     for link in &model.links {
-        let ends = ends(&link.mark);
+        let ends = ends(link.mark);
         let strength = link.drawn_strength();
-        let colour = if strength < 0.0 { "#1d4ed8" } else { "#c2410c" };
+        let colour = match strength < 0.0 {
+            _ if !model.has_sign() => "#475569",
+            true => "#1d4ed8",
+            false => "#c2410c",
+        };
         let style = if link.confidence.is_some_and(|share| share < 0.5) { ", style=dashed" } else { "" };
         let found = link.confidence.map_or(String::new(), |share| format!(" · {share:.2} found"));
+        let (cause, effect) = (quoted(&plain(&link.cause)), quoted(&plain(&link.effect)));
+        let label = format!("{} · {}{found}", link.lag, link.strength_in_words(2));
+        let width = 1.0 + 4.0 * strength.abs().min(1.0);
         let _ = writeln!(
             out,
-            "  {} -> {} [label=\"{} · {}{found}\", penwidth={:.2}, color=\"{colour}\"{style}{ends}];",
-            quoted(&plain(&link.cause)),
-            quoted(&plain(&link.effect)),
-            link.lag,
-            link.strength_in_words(2),
-            1.0 + 4.0 * strength.abs().min(1.0)
+            "  {cause} -> {effect} [label=\"{label}\", penwidth={width:.2}, color=\"{colour}\"{style}{ends}];"
         );
     }
     out.push_str("}\n");
@@ -35,16 +37,16 @@ pub fn dot(model: &Model) -> String {
 }
 
 /// The ends of an edge: heads, circles, crosses. A direction alone is Graphviz's usual edge.
-fn ends(mark: &str) -> String {
+fn ends(mark: LinkMark) -> String {
     let shape = |end| match end {
         'o' => "odot",
         'x' => "tee",
         '<' | '>' => "normal",
         _ => "none",
     };
-    match (mark.chars().next(), mark.chars().next_back()) {
+    match (mark.symbol().chars().next(), mark.symbol().chars().next_back()) {
         (Some('-'), Some('>')) => String::new(),
-        (Some(tail), Some(head)) if mark != "o-o" && mark != "x-x" => {
+        (Some(tail), Some(head)) if mark != LinkMark::Unoriented && mark != LinkMark::Conflict => {
             format!(", dir=both, arrowtail={}, arrowhead={}", shape(tail), shape(head))
         }
         _ => ", dir=none".to_owned(),
@@ -87,7 +89,7 @@ pub fn graphml(model: &Model) -> String {
              <data key=\"mark\">{}</data><data key=\"tested\">{}</data>{found}</edge>",
             number_of("value", link.value),
             number_of("p_value", link.p_value),
-            escaped(mark),
+            escaped(mark.symbol()),
             link.value.is_some()
         );
     }
@@ -107,65 +109,26 @@ pub(crate) fn cell(text: &str) -> String {
     text.split_inclusive([';', '|']).map(plain).collect()
 }
 
-/// A row of the table of links.
-#[derive(serde::Serialize)]
-struct Row {
-    cause: String,
-    effect: String,
-    lag: usize,
-    /// Empty for a link that was required: it was not tested.
-    value: Option<f64>,
-    p_value: Option<f64>,
-    mark: String,
-    n_lost: usize,
-    n_used: Option<usize>,
-    /// The p-value in words: `<0.002` where the test cannot tell smaller ones apart and `p_value` may be 0.
-    p: String,
-    /// Share of the resamples with the link, and the strengths in nine of ten of them; empty without resamples.
-    confidence: Option<f64>,
-    value_low: Option<f64>,
-    value_high: Option<f64>,
-}
+/// The columns of the table of links. Their values are empty for a link that was required: it was not tested. `p` is the p-value in
+/// words: `<0.002` where the test cannot tell smaller ones apart and `p_value` may be 0. `confidence` is the share of the resamples with
+/// the link, and the last two are the strengths in nine of ten of them; empty without resamples.
+const COLUMNS: [&str; 12] = [
+    "cause", "effect", "lag", "value", "p_value", "mark", "n_lost", "n_used", "p", "confidence", "value_low",
+    "value_high",
+];
 
 /// The links as a table, one row per link.
 pub fn links_csv(model: &Model) -> Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let fault = |e: &dyn std::fmt::Display| Error::Data(format!("the list of links cannot be written: {e}"));
+    writer.write_record(COLUMNS).map_err(|e| fault(&e))?;
     for link in &model.links {
-        let Link { cause, effect, lag, value, p_value, mark, n_lost, .. } = link;
+        let Link { lag, value, p_value, mark, n_lost, n_used, confidence, value_low, value_high, .. } = link;
+        let (cause, effect) = (cell(&link.cause), cell(&link.effect));
         let p = if link.required { "required".to_owned() } else { report::p_cell(model, *p_value) };
-        let row = Row {
-            cause: cell(cause),
-            effect: cell(effect),
-            lag: *lag,
-            value: *value,
-            p_value: *p_value,
-            mark: cell(mark),
-            n_lost: *n_lost,
-            n_used: link.n_used,
-            p,
-            confidence: link.confidence,
-            value_low: link.value_low,
-            value_high: link.value_high,
-        };
+        let tested = (lag, value, p_value, mark, n_lost, n_used);
+        let row = (cause, effect, tested, p, confidence, value_low, value_high);
         writer.serialize(row).map_err(|e| fault(&e))?;
-    }
-    if model.links.is_empty() {
-        let header = [
-            "cause",
-            "effect",
-            "lag",
-            "value",
-            "p_value",
-            "mark",
-            "n_lost",
-            "n_used",
-            "p",
-            "confidence",
-            "value_low",
-            "value_high",
-        ];
-        writer.write_record(header).map_err(|e| fault(&e))?;
     }
     writer.into_inner().map_err(|e| fault(&e))
 }

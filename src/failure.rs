@@ -51,6 +51,6 @@ pub(crate) fn answered(done: Result<Status, Error>, interrupt: &Interrupt) -> u8
         Ok(Status::Ok | Status::Ambiguous) => exit_code(Ok(()), interrupt),
         Ok(Status::NotSupported) => 3,
         Ok(Status::BadRequest) => 2,
-        Ok(Status::NoModel | Status::NoData) => 1,
+        Ok(Status::NoModel | Status::NoData | Status::Late) => 1,
     }
 }

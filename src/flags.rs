@@ -1,7 +1,7 @@
 //! The command's flags and the nodes' parameters that mean the same: the settings that a recording carries, and errors in the names of
 //! the command.
 
-use std::sync::LazyLock;
+use std::sync::{LazyLock, OnceLock};
 
 use roscausal_core::Error;
 use roscausal_discovery::{
@@ -108,6 +108,14 @@ pub(crate) fn spelled(sentence: &str) -> String {
     spelled_out(sentence, spelled_one)
 }
 
+/// The value of a flag that is one of some words.
+pub(crate) fn word<T: std::str::FromStr<Err = roscausal_discovery::Error>>(text: &str) -> Result<T, String> {
+    text.parse().map_err(|error| match error {
+        roscausal_discovery::Error::Param { reason, .. } => reason,
+        other => other.to_string(),
+    })
+}
+
 /// A setting as a flag.
 pub(crate) fn spelled_one(name: &str) -> String {
     flag_of(name).unwrap_or_else(|| name.to_owned())
@@ -128,8 +136,16 @@ pub(crate) fn all_of(command: &clap::Command) -> Vec<String> {
     longs
 }
 
-/// All flags of the command.
-static FLAGS: LazyLock<Vec<String>> = LazyLock::new(crate::cli::long_flags);
+/// The command, from when it reads its line, and its flags, from when a sentence names one.
+static COMMAND: OnceLock<&clap::Command> = OnceLock::new();
+static FLAGS: LazyLock<Vec<String>> =
+    LazyLock::new(|| COMMAND.get().map(|of| all_of(of)).unwrap_or_default());
+
+/// Makes the command's flags known to sentences that name them.
+pub(crate) fn know(command: &'static clap::Command) {
+    // A program that calls the command twice has it already.
+    let _ = COMMAND.set(command);
+}
 
 /// The flag that a name means: that of the setting or parameter, the flag itself, or its spelling with `_`.
 fn flag_of(name: &str) -> Option<String> {
@@ -149,7 +165,7 @@ mod tests {
 
     #[test]
     fn every_alias_is_a_flag_and_a_parameter() {
-        let flags = crate::cli::long_flags();
+        let flags = all_of(&crate::cli::command());
         let of_table = SETTINGS.iter().map(|setting| (setting.flag, "discovery", setting.param));
         for (flag, node, param) in of_table.chain(ALIASES.iter().map(|one| (one.flag, one.node, one.param))) {
             assert!(flags.iter().any(|known| known == flag), "--{flag}");
@@ -181,8 +197,11 @@ mod tests {
         let lag = roscausal_discovery::Named("tau_max");
         let error =
             Error::Data(format!("'tau_max.csv', {lag} = 3 needs at least 10: record longer or lower {lag}"));
-        let told = sentence(&error);
-        assert_eq!(told, "'tau_max.csv', --tau-max = 3 needs at least 10: record longer or lower --tau-max");
+        let reported = sentence(&error);
+        assert_eq!(
+            reported,
+            "'tau_max.csv', --tau-max = 3 needs at least 10: record longer or lower --tau-max"
+        );
         let node = roscausal_discovery::Named("sel_agent");
         let error = Error::param("max_lag", format!("'max_lag' in data/max_lag.csv, {node}"));
         assert_eq!(sentence(&error), "--tau-max: 'max_lag' in data/max_lag.csv, --person");

@@ -169,8 +169,28 @@ pub(crate) fn batches_in(folder: &Path) -> Result<Vec<PathBuf>> {
 /// The model in a file, checked.
 pub(crate) fn read_model(path: &Path) -> Result<Model> {
     check_whole(path)?;
+    let path = &model_in(path)?;
     let text = bounded::read(path, bounded::MODEL)?;
+    let is_other = path.extension().is_none_or(|ending| ending != "json");
+    if is_other && !text.trim_ascii_start().starts_with(b"{") {
+        return Err(Error::file(path, "not a model, which is JSON; of data, 'roscausal discover' makes one"));
+    }
     Model::from_json(&text).map_err(|e| Error::file(path, e))
+}
+
+/// The file of a model: that of a folder is its `model.json`, or else the newest model in its `cm_pool` or in the folder itself.
+pub(crate) fn model_in(path: &Path) -> Result<PathBuf> {
+    let own = path.join("model.json");
+    if !path.is_dir() || own.exists() {
+        return Ok(if path.is_dir() { own } else { path.to_owned() });
+    }
+    let pool = Some(path.join("cm_pool")).filter(|pool| pool.is_dir()).unwrap_or_else(|| path.to_owned());
+    let is_model = |file: &PathBuf| read_model(file).is_ok();
+    with_ending(&pool, ".json")?.into_iter().rev().find(is_model).ok_or_else(|| {
+        let reason = "there is no model here; give a folder of demo, replay or discover --out, or a model; of data, 'roscausal discover' \
+                      makes one";
+        Error::file(path, reason)
+    })
 }
 
 /// The evidence in a file, checked; `None` if there is no such file.

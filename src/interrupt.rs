@@ -11,6 +11,7 @@ use std::{
     time::Duration,
 };
 
+use roscausal_core::{Error, Result};
 use roscausal_discovery::lock;
 
 /// Exit code of a command that Ctrl-C ended: 128 and the number of the signal, as shells count.
@@ -74,6 +75,14 @@ impl Interrupt {
         self.flag.load(Ordering::SeqCst)
     }
 
+    /// Ends what goes on as soon as the user wants it.
+    ///
+    /// # Errors
+    /// The user wants the command to end.
+    pub(crate) fn check(&self) -> Result<()> {
+        if self.is_set() { Err(Error::Cancelled("by the user".into())) } else { Ok(()) }
+    }
+
     /// The flag itself, for whatever can be cancelled.
     pub(crate) fn flag(&self) -> Arc<AtomicBool> {
         self.flag.clone()
@@ -94,9 +103,16 @@ impl Interrupt {
         self.with(|state| (state.words, state.at_stake) = ("the files are completed first", true));
     }
 
-    /// A folder that an end at once removes.
+    /// A folder that an end at once removes, although other threads may still write into it.
     pub(crate) fn remove_at_end(&self, folder: PathBuf) {
-        self.do_at_end(move || drop(std::fs::remove_dir_all(folder)));
+        self.do_at_end(move || {
+            for _ in 0..50 {
+                if std::fs::remove_dir_all(&folder).is_ok() || !folder.exists() {
+                    return;
+                }
+                thread::sleep(LOOK_AGAIN);
+            }
+        });
     }
 
     /// What an end at once does first; soon done.

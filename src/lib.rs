@@ -16,7 +16,7 @@ mod failure;
 mod flags;
 mod folders;
 #[cfg(test)]
-mod hostile;
+mod hostile_tests;
 mod html_report;
 mod interrupt;
 mod nodes;
@@ -58,6 +58,9 @@ pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
         Err(error) => return failure::exit_code(Err(error), &interrupt),
     };
     cli.start_logging();
+    if cli.command.only_reads() {
+        interrupt.nothing_at_stake("there is no result yet");
+    }
     let done = match &cli.command {
         cli::Command::Demo(args) => demo::run(args, &interrupt),
         cli::Command::Replay(args) => replay::run(args, &interrupt),
@@ -67,9 +70,9 @@ pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
             terminal::print_text(&Method::table());
             Ok(())
         }
-        cli::Command::Completions { shell } => {
-            cli::print_completions(*shell);
-            Ok(())
+        cli::Command::Completions { shell, man } => {
+            shell.iter().for_each(|shell| cli::print_completions(*shell));
+            man.iter().try_for_each(|dir| cli::write_manual(dir))
         }
         cli::Command::Man { dir } => cli::write_manual(dir),
         cli::Command::Show(args) => show::run(args),
@@ -78,7 +81,6 @@ pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
         cli::Command::Report(args) => html_report::run(args, &interrupt),
         cli::Command::Teleop(args) => teleop::run(args),
         cli::Command::Topics(args) => topics::run(args, &interrupt),
-        cli::Command::Predict(args) => return failure::answered(reasoning::predict(args), &interrupt),
         cli::Command::Whatif(args) => return failure::answered(reasoning::what_if(args), &interrupt),
         cli::Command::Effect(args) => return failure::answered(reasoning::effect(args), &interrupt),
         cli::Command::Explain(args) => return failure::answered(reasoning::explain(args), &interrupt),

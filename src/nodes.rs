@@ -23,7 +23,7 @@ use roscausal_core::{
 use roscausal_discovery::Progress;
 use roscausal_hrisim::Simulation;
 
-use crate::{discover::Analysis, folders::Folders};
+use crate::{discover::Analysis, folders::Folders, interrupt::Interrupt};
 
 /// The nodes that record, in the order in which they take part.
 pub(crate) const RECORDING: [&str; 3] = ["robot", "human", "data"];
@@ -37,14 +37,53 @@ pub(crate) struct Nodes {
     recording: Vec<(&'static str, LoopbackTask<Result<()>>)>,
     /// Batches that the data node has recorded.
     batches: Arc<AtomicU64>,
-    discovery: Option<(LoopbackNode, JoinHandle<Result<()>>)>,
+    discovery: Option<Threaded>,
     /// Beside the bus, for whoever watches.
-    reasoning: Option<(LoopbackNode, JoinHandle<Result<()>>)>,
+    reasoning: Option<Threaded>,
 }
 
-/// What a node returned, however it ended.
-fn ended(name: &str, node: thread::Result<Result<()>>) -> Result<()> {
-    node.unwrap_or_else(|_| Err(Error::Middleware(format!("the node {name} died; please report it"))))
+/// What a node returned, however it ended; `what` it is.
+fn ended(what: &str, node: thread::Result<Result<()>>) -> Result<()> {
+    node.unwrap_or_else(|_| Err(Error::Middleware(format!("{what} died; please report it"))))
+}
+
+/// A node on a thread of its own.
+pub(crate) struct Threaded {
+    node: LoopbackNode,
+    thread: JoinHandle<Result<()>>,
+}
+
+impl Threaded {
+    /// Starts the node.
+    pub(crate) fn start(
+        bus: &Loopback,
+        name: &str,
+        run: impl FnOnce(&LoopbackNode) -> Result<()> + Send + 'static,
+    ) -> Self {
+        let node = bus.node(name);
+        let its_own = node.clone();
+        Self { node, thread: thread::spawn(move || run(&its_own)) }
+    }
+
+    /// Waits until the node has this topic.
+    fn with_topic(self, wanted: &str) -> Self {
+        let is_wanted = |topic: &str| topic.trim_start_matches('/') == wanted.trim_start_matches('/');
+        while !self.is_finished() && !self.node.topics().iter().any(|(topic, _)| is_wanted(topic)) {
+            thread::sleep(LOOK_AGAIN);
+        }
+        self
+    }
+
+    /// Whether the node has ended.
+    pub(crate) fn is_finished(&self) -> bool {
+        self.thread.is_finished()
+    }
+
+    /// Ends the node and waits for it. Returns its failure, which says `what` it was.
+    pub(crate) fn end(self, what: &str) -> Result<()> {
+        self.node.shutdown();
+        ended(what, self.thread.join())
+    }
 }
 
 impl Nodes {
@@ -73,14 +112,11 @@ impl Nodes {
     /// Also starts the discovery node. The receiver gets the progress of each analysis.
     pub(crate) fn with_discovery(mut self) -> (Self, Receiver<Progress>) {
         let (sender, progress) = channel();
-        let node = self.bus.node("discovery");
-        let its_own = node.clone();
         // Nobody listens any more once the command ends.
         let tell = move |progress| sender.send(progress).unwrap_or_default();
-        let thread = thread::spawn(move || nodes::discovery_with(&its_own, tell));
+        let node = Threaded::start(&self.bus, "discovery", move |mw| nodes::discovery_with(mw, tell));
         // Its last topic: whoever looks for topics from now on finds all of them.
-        await_topic(&node, &thread, "/roscausal/tsdag/compressed");
-        self.discovery = Some((node, thread));
+        self.discovery = Some(node.with_topic("/roscausal/tsdag/compressed"));
         (self, progress)
     }
 
@@ -88,11 +124,8 @@ impl Nodes {
     pub(crate) fn with_reasoning(mut self, watched: bool) -> Self {
         if watched {
             self.bus.set_node_param("reasoning", "threads", Value::Int(1));
-            let node = self.bus.node("reasoning");
-            let its_own = node.clone();
-            let thread = thread::spawn(move || nodes::reasoning_beside(&its_own));
-            await_topic(&node, &thread, nodes::STRUCTURAL_MODEL_TOPIC);
-            self.reasoning = Some((node, thread));
+            let node = Threaded::start(&self.bus, "reasoning", nodes::reasoning_beside);
+            self.reasoning = Some(node.with_topic(nodes::STRUCTURAL_MODEL_TOPIC));
         }
         self
     }
@@ -100,36 +133,38 @@ impl Nodes {
     /// Whether a node has ended too early.
     pub(crate) fn one_has_ended(&self) -> bool {
         self.recording.iter().any(|(_, node)| node.is_finished())
-            || [&self.discovery, &self.reasoning]
-                .into_iter()
-                .any(|node| node.as_ref().is_some_and(|(_, thread)| thread.is_finished()))
+            || [&self.discovery, &self.reasoning].into_iter().flatten().any(Threaded::is_finished)
     }
 
     /// Ends the nodes that record, each after the previous one has left. The data node writes what it has.
     pub(crate) fn end_recording(&mut self) -> Result<()> {
-        std::mem::take(&mut self.recording).into_iter().try_for_each(|(name, node)| ended(name, node.end()))
+        let mut recording = std::mem::take(&mut self.recording).into_iter();
+        recording.try_for_each(|(name, node)| ended(&format!("the node {name}"), node.end()))
+    }
+
+    /// Ends all nodes, first those that record, since an analysis may be within a long test; `kept` closes what they recorded.
+    pub(crate) fn end_early(
+        mut self,
+        kept: impl FnOnce() -> Result<()>,
+        interrupt: &Interrupt,
+    ) -> Result<()> {
+        self.end_recording()?;
+        self.bus.settle();
+        kept()?;
+        interrupt.nothing_at_stake("what is recorded is kept");
+        self.end()
     }
 
     /// Ends all nodes and waits for them. Returns the first failure of a node.
     pub(crate) fn end(mut self) -> Result<()> {
-        for (node, _) in [&self.discovery, &self.reasoning].into_iter().flatten() {
-            node.shutdown();
+        for beside in [&self.discovery, &self.reasoning].into_iter().flatten() {
+            beside.node.shutdown();
         }
-        let join = |name, node: Option<(LoopbackNode, JoinHandle<Result<()>>)>| {
-            node.map_or(Ok(()), |(_, thread)| ended(name, thread.join()))
-        };
+        let end = |beside: Option<Threaded>, what| beside.map_or(Ok(()), |node| node.end(what));
         let recorded = self.end_recording();
-        let analysed = join("discovery", self.discovery.take());
-        let reasoned = join("reasoning", self.reasoning.take());
+        let analysed = end(self.discovery.take(), "the node discovery");
+        let reasoned = end(self.reasoning.take(), "the node reasoning");
         recorded.and(analysed).and(reasoned)
-    }
-}
-
-/// Waits until a node that runs on this thread has this topic.
-fn await_topic(node: &LoopbackNode, thread: &JoinHandle<Result<()>>, wanted: &str) {
-    let is_up = || node.topics().iter().any(|(topic, _)| topic == wanted);
-    while !thread.is_finished() && !is_up() {
-        thread::sleep(LOOK_AGAIN);
     }
 }
 
@@ -194,10 +229,8 @@ pub(crate) fn check_seed(seed: u64) -> Result<()> {
     if seed <= LARGEST_SEED {
         return Ok(());
     }
-    Err(Error::param(
-        "seed",
-        format!("{seed} is more than the nodes take; give a number from 0 to {LARGEST_SEED}"),
-    ))
+    let reason = format!("{seed} is more than the nodes take; give a number from 0 to {LARGEST_SEED}");
+    Err(Error::param("seed", reason))
 }
 
 /// Nodes whose parameters decide what a run gives.

@@ -15,10 +15,68 @@ use crate::export;
 /// Pixels per unit of the pictures.
 const SCALE: f32 = 2.0;
 
+/// How the graphs of a model are drawn.
+#[derive(clap::Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Output")]
+pub(crate) struct PictureArgs {
+    /// What the graphs call a variable, such as `h_v='speed (m/s)'`; may be given several times.
+    #[arg(long = "label", value_name = "NAME=LABEL")]
+    labels: Vec<String>,
+    /// Width of the graphs, such as 85mm for one column of a paper.
+    #[arg(long, value_name = "MM", value_parser = millimetres)]
+    width: Option<f64>,
+    /// Leave out the line above the graphs that says how they were found.
+    #[arg(long)]
+    no_title: bool,
+}
+
+fn millimetres(text: &str) -> std::result::Result<f64, String> {
+    let number = text.strip_suffix("mm").unwrap_or(text).trim().parse::<f64>();
+    let fits = |width: &f64| (10.0..=2000.0).contains(width);
+    number.ok().filter(fits).ok_or_else(|| format!("'{text}' is not a width from 10mm to 2000mm"))
+}
+
+impl PictureArgs {
+    /// Refuses labels of variables that there are not.
+    pub(crate) fn check(&self, model: &Model) -> Result<()> {
+        self.labelled(model).map(drop)
+    }
+
+    /// The model with labels as names, for pictures.
+    fn labelled(&self, model: &Model) -> Result<Model> {
+        let mut labelled = model.clone();
+        for text in &self.labels {
+            let fault = |reason: &str| Err(Error::param("label", format!("'{text}' {reason}")));
+            let Some((name, label)) = text.split_once('=') else { return fault("is not NAME=LABEL") };
+            let Some(place) = model.features.iter().position(|feature| feature == name) else {
+                if model.dropped.iter().any(|dropped| dropped == name) {
+                    continue;
+                }
+                return fault("names no variable of the model");
+            };
+            label.clone_into(&mut labelled.features[place]);
+            for (link, was) in labelled.links.iter_mut().zip(&model.links) {
+                for (new, old) in [(&mut link.cause, &was.cause), (&mut link.effect, &was.effect)] {
+                    if old == name {
+                        label.clone_into(new);
+                    }
+                }
+            }
+        }
+        Ok(labelled)
+    }
+}
+
 /// Writes `model.json`, the graphs and the list of links into `dir` and returns their names.
 pub(crate) fn write_model(dir: &Path, model: &Model) -> Result<Vec<PathBuf>> {
-    let dag = draw::dag(model);
-    let tsdag = draw::tsdag(model);
+    write_model_as(dir, model, &PictureArgs::default())
+}
+
+/// As [`write_model`], with the graphs drawn so.
+pub(crate) fn write_model_as(dir: &Path, model: &Model, how: &PictureArgs) -> Result<Vec<PathBuf>> {
+    let labelled = how.labelled(model)?;
+    let [dag, tsdag] = [draw::dag(&labelled), draw::tsdag(&labelled)]
+        .map(|svg| draw::fitted(&svg, how.width, !how.no_title));
     let files = [
         ("model.json", model.to_file_json().into_bytes()),
         ("links.csv", export::links_csv(model)?),

@@ -67,7 +67,7 @@ pub(crate) fn apply(
     }
     let data: Vec<&Path> =
         own.get_many::<PathBuf>(positional).into_iter().flatten().map(AsRef::as_ref).collect();
-    let (mut preset, mut told): (Vec<OsString>, Vec<String>) = (Vec::new(), Vec::new());
+    let (mut preset, mut reported): (Vec<OsString>, Vec<String>) = (Vec::new(), Vec::new());
     let mut taken: Vec<String> = Vec::new();
     let all = find(&data, &flags::all_of(command))?;
     let how = significance(own, &all);
@@ -109,21 +109,21 @@ pub(crate) fn apply(
         }
         let place = found.place.display();
         if !unknown.is_empty() {
-            told.push(format!("{place}: {name} does not have {}: not used", unknown.join(", ")));
+            reported.push(format!("{place}: {name} does not have {}: not used", unknown.join(", ")));
         }
         if !passed.is_empty() {
-            told.push(format!("{place}: for recordings, and not used for tables: {}", passed.join(" ")));
+            reported.push(format!("{place}: for recordings, and not used for tables: {}", passed.join(" ")));
         }
         if !used.is_empty() {
-            told.push(format!("settings of {place}: {}", used.join(" ")));
+            reported.push(format!("settings of {place}: {}", used.join(" ")));
         }
-        told.extend(travel::sentence(&found.place, &found.left_out));
+        reported.extend(travel::sentence(&found.place, &found.left_out));
     }
     let mut whole = line.to_vec();
     if let Some(at) = line.iter().position(|word| word == name).filter(|_| !preset.is_empty()) {
         whole.splice(at + 1..=at, preset);
     }
-    Ok((whole, told))
+    Ok((whole, reported))
 }
 
 /// Whether a subcommand has a long flag.
@@ -187,13 +187,13 @@ fn find(data: &[&Path], known: &[String]) -> Result<Vec<Found>> {
         let may_say = |flag: &str, values: &[String]| {
             travel::may_say(flag, values) || travel::may_say_near(flag, values)
         };
-        let own = said(Path::new(FILE), known)?;
+        let own = stated(Path::new(FILE), known)?;
         found.extend(own.map(|own| if near { own.allowed(may_say) } else { own }));
     }
     let ignores =
         |found: &[Found]| found.iter().any(|place| place.flags.iter().any(|(flag, _)| flag == IGNORE_FLAG));
     let configuration =
-        configuration().into_iter().map(|file| said(&file, known)).collect::<Result<Vec<_>>>()?;
+        configuration().into_iter().map(|file| stated(&file, known)).collect::<Result<Vec<_>>>()?;
     let configuration: Vec<Found> = configuration.into_iter().flatten().collect();
     if !ignores(&found) && !ignores(&configuration) {
         found.extend(with_the_data(data, &beside, known)?);
@@ -202,12 +202,15 @@ fn find(data: &[&Path], known: &[String]) -> Result<Vec<Found>> {
     Ok(found)
 }
 
-/// Whether data lie below a folder, or the folder below that of the data: both may have come out of one archive.
+/// Whether data lie below a folder, or the folder below that of the data: both may have come out of one archive. A link within the
+/// folder may have come out of it, too: each folder on the way counts.
 fn is_near(folder: &Path, data: &[&Path]) -> bool {
     let Ok(folder) = folder.canonicalize() else { return false };
-    let real = data.iter().filter_map(|path| path.canonicalize().ok());
-    real.into_iter()
-        .any(|data| data.starts_with(&folder) || data.parent().is_some_and(|of| folder.starts_with(of)))
+    let is_within = |place: &Path| place.canonicalize().is_ok_and(|real| real.starts_with(&folder));
+    let is_around = |path: &Path| {
+        path.canonicalize().is_ok_and(|real| real.parent().is_some_and(|of| folder.starts_with(of)))
+    };
+    data.iter().any(|path| path.ancestors().any(is_within) || is_around(path))
 }
 
 /// The user's files of settings in the user's configuration folder.
@@ -218,15 +221,12 @@ fn configuration() -> Vec<PathBuf> {
 }
 
 /// What a file says, if it is there.
-fn said(file: &Path, known: &[String]) -> Result<Option<Found>> {
+fn stated(file: &Path, known: &[String]) -> Result<Option<Found>> {
     if !file.is_file() {
         return Ok(None);
     }
-    Ok(Some(Found {
-        flags: flags_in(&read(file)?, file, known)?,
-        place: file.to_owned(),
-        left_out: Vec::new(),
-    }))
+    let flags = flags_in(&read(file)?, file, known)?;
+    Ok(Some(Found { place: file.to_owned(), flags, left_out: Vec::new() }))
 }
 
 /// The folders whose settings came with these data: that of a file; a folder itself, and the one that it lies in.
@@ -255,12 +255,12 @@ fn with_the_data(data: &[&Path], folders: &[PathBuf], known: &[String]) -> Resul
             .collect();
         // What a recording may not decide is told where its parameters are used.
         found.push(Found { place: path.to_path_buf(), flags, left_out: Vec::new() });
-        found.extend(said(&sidecar(path), known)?.map(|said| said.allowed(travel::may_say)));
+        found.extend(stated(&sidecar(path), known)?.map(|stated| stated.allowed(travel::may_say)));
     }
     for folder in folders {
         let file = folder.strip_prefix(".").unwrap_or(folder).join(FILE);
         if found.iter().all(|found| found.place != file) {
-            found.extend(said(&file, known)?.map(|said| said.allowed(travel::may_say)));
+            found.extend(stated(&file, known)?.map(|stated| stated.allowed(travel::may_say)));
         }
     }
     Ok(found)
@@ -275,12 +275,12 @@ impl Found {
                 values.into_iter().partition(|value| may_say(&flag, std::slice::from_ref(value)));
             for value in left_out {
                 let parameter = value.split_once('=').filter(|_| flag == "param");
-                let told = match parameter.and_then(|(name, _)| name.split_once('.')) {
-                    Some((node, param)) => travel::told(node, param),
+                let reported = match parameter.and_then(|(name, _)| name.split_once('.')) {
+                    Some((node, param)) => travel::reported(node, param),
                     None => format!("--{flag}"),
                 };
-                if !found.left_out.contains(&told) {
-                    found.left_out.push(told);
+                if !found.left_out.contains(&reported) {
+                    found.left_out.push(reported);
                 }
             }
             if !used.is_empty() {
@@ -347,4 +347,27 @@ fn flags_in(table: &Table, file: &Path, known: &[String]) -> Result<Vec<(String,
         }
     }
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[cfg(unix)]
+    fn data_behind_a_link_within_the_folder_are_near() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| dir.path().join(name);
+        for folder in ["work/d", "else"] {
+            std::fs::create_dir_all(at(folder)).expect("made");
+        }
+        for file in ["work/own.csv", "else/t.csv"] {
+            std::fs::write(at(file), "a,b\n").expect("written");
+        }
+        std::os::unix::fs::symlink(at("else/t.csv"), at("work/d/t.csv")).expect("a link");
+        std::os::unix::fs::symlink(at("else"), at("work/e")).expect("a link");
+        let near = |data: &str| is_near(&at("work"), &[&at(data)]);
+        assert!(near("work/own.csv") && near("work/d/t.csv") && near("work/e/t.csv"));
+        assert!(!near("else/t.csv"));
+    }
 }

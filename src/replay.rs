@@ -51,25 +51,25 @@ pub(crate) struct Args {
     #[command(flatten)]
     resample: ResampleArgs,
     /// Tell when a mechanism changes, as the discovery node does (docs/confidence.md).
-    #[arg(long)]
+    #[arg(long, help_heading = "Nodes and page")]
     changes: bool,
     /// With --changes: rows that are compared with those before at a time, more for many variables. Default: 0, each batch as a
     /// whole.
-    #[arg(long, value_name = "ROWS", requires = "changes", value_parser = clap::value_parser!(u32).range(..=1_000_000))]
+    #[arg(long, value_name = "ROWS", requires = "changes", value_parser = clap::value_parser!(u32).range(..=1_000_000), help_heading = "Nodes and page")]
     change_rows: Option<u32>,
     /// Most batches of a model: the newest ones since the last change. Default: 1, each batch alone.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000), help_heading = "Nodes and page")]
     window_batches: u32,
     /// Seed of all random numbers.
-    #[arg(long, default_value_t = 42)]
+    #[arg(long, default_value_t = 42, help_heading = "Method")]
     seed: u64,
     /// How many times faster than real time; `max`: as fast as the machine allows.
-    #[arg(long, default_value = "max")]
+    #[arg(long, default_value = "max", help_heading = "Nodes and page")]
     speed: Speed,
     #[command(flatten)]
     means: MeansArgs,
     /// Folder for batches and models.
-    #[arg(short, long, value_name = "DIR", default_value = "roscausal_replay")]
+    #[arg(short, long, value_name = "DIR", default_value = "roscausal_replay", help_heading = "Output")]
     out: PathBuf,
     #[command(flatten)]
     sink: SinkArgs,
@@ -168,10 +168,7 @@ impl Args {
         }
         if ended_early {
             // The analysis may be within a long test: what is recorded comes first.
-            bus.settle();
-            sink.close()?;
-            interrupt.nothing_at_stake("what is recorded is kept");
-            nodes.end()?;
+            nodes.end_early(|| sink.close(), interrupt)?;
             let out = self.out.display();
             return Ok(Err(Error::Cancelled(format!("by the user; {out} keeps batches and models so far"))));
         }

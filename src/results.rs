@@ -226,10 +226,8 @@ impl Results {
         for file in files {
             let path = self.dir.join(file);
             let Some(place) = inside(&self.dir, file) else {
-                return Err(Error::file(
-                    path,
-                    "a link or file of others is where a folder of results has to be",
-                ));
+                let reason = "a link or file of others is where a folder of results has to be";
+                return Err(Error::file(path, reason));
             };
             match fs::symlink_metadata(&place) {
                 Ok(found) if found.is_dir() => {
@@ -384,10 +382,8 @@ fn complete(dir: &Path) -> Result<()> {
     let list = inside(&new, &list).filter(|list| list.exists());
     if let Some(path) = list {
         let Some(list) = List::read(&path)? else {
-            return Err(Error::file(
-                path,
-                "this list of results is not of a run into this folder; choose another --out",
-            ));
+            let reason = "this list of results is not of a run into this folder; choose another --out";
+            return Err(Error::file(path, reason));
         };
         for file in &list.files {
             let from = inside(&new.join(SET), file);
@@ -472,10 +468,8 @@ impl Lock {
             }
             // Nothing is written through a link.
             if fs::symlink_metadata(&path).is_ok_and(|found| !found.is_file()) {
-                return Err(Error::file(
-                    path,
-                    "this is not a lock of a run; remove it, or choose another --out",
-                ));
+                let reason = "this is not a lock of a run; remove it, or choose another --out";
+                return Err(Error::file(path, reason));
             }
             let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
             let file = match opened {

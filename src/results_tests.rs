@@ -90,8 +90,8 @@ fn a_run_that_breaks_off_at_any_step_leaves_the_old_set_or_one_that_the_next_run
         if step == steps {
             fs::remove_dir_all(&new).expect("removes");
         }
-        let told = check_whole(&dir.path().join("sub/c.csv"));
-        assert_eq!(told.is_err(), step < steps, "{step}: {told:?}");
+        let reported = check_whole(&dir.path().join("sub/c.csv"));
+        assert_eq!(reported.is_err(), step < steps, "{step}: {reported:?}");
         // A run that begins, and makes nothing.
         drop(begin(dir.path()).expect("begins"));
         assert_eq!(files(dir.path()), expected(&[(&NEW_SET, "new"), (&OTHERS, "mine")]), "{step}");
@@ -117,8 +117,8 @@ fn a_folder_has_one_run_at_a_time_and_the_second_names_the_process() {
     let dir = tempfile::tempdir().expect("a folder");
     let out = dir.path().join("new/out");
     let first = begin(&out).expect("begins");
-    let told = begin(&out).err().expect("is held").to_string();
-    assert!(told.contains(&format!("process {} writes its results", process::id())), "{told}");
+    let reported = begin(&out).err().expect("is held").to_string();
+    assert!(reported.contains(&format!("process {} writes its results", process::id())), "{reported}");
     drop(first);
     assert!(!out.exists(), "a run without results leaves no folder that it made");
     drop(begin(&out).expect("is free"));
@@ -134,8 +134,8 @@ fn a_file_of_others_gives_way_to_force_only_and_a_folder_never() {
         results.finish().map_err(|error| error.to_string())
     };
     for (force, name) in [(false, "taken.json"), (true, "others"), (true, "mine.txt/below.csv")] {
-        let told = finish(force, name).expect_err("is refused");
-        assert!(told.contains("of others") && told.contains(name), "{told}");
+        let reported = finish(force, name).expect_err("is refused");
+        assert!(reported.contains("of others") && reported.contains(name), "{reported}");
         let mine = [&OTHERS[..], &["taken.json"]].concat();
         assert_eq!(files(dir.path()), expected(&[(&OLD, "old"), (&mine, "mine")]), "{name}");
     }
@@ -147,9 +147,9 @@ fn a_file_of_others_gives_way_to_force_only_and_a_folder_never() {
 fn what_a_run_reads_is_not_replaced_by_its_results() {
     let dir = older();
     for read in ["a.json", "sub", "."] {
-        let told =
+        let reported =
             Results::begin(dir.path(), Some(true), &[dir.path().join(read)]).err().expect("is refused");
-        assert!(told.to_string().contains("would replace it"), "{told}");
+        assert!(reported.to_string().contains("would replace it"), "{reported}");
     }
     drop(Results::begin(dir.path(), Some(true), &[dir.path().join("mine.txt")]).expect("is spared"));
 }

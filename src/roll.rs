@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{Error, Result};
 use roscausal_discovery::{
-    Control, DataFrame, Model, Settings,
+    Control, DataFrame, LinkMark, Model, Settings,
     changes::{self, ChangeEvent, Detector, Form, Levels},
     confidence::{Resampling, set_step},
     methods::Status,
@@ -17,11 +17,10 @@ use roscausal_discovery::{
 use serde_json::{Value, json};
 
 use crate::{
-    discover::{self, MeansArgs, MethodArgs, PartArgs, ReadArgs, Readable, ResampleArgs},
+    discover::{self, AnalysisArgs, ResampleArgs},
     export,
     interrupt::Interrupt,
     output,
-    recording::InputArgs,
     results::Results,
 };
 
@@ -53,28 +52,20 @@ pub(crate) struct Args {
     #[arg(long, value_name = "ROWS", requires = "changes")]
     change_rows: Option<usize>,
     #[command(flatten)]
-    inputs: InputArgs,
-    #[command(flatten)]
-    method: MethodArgs,
-    #[command(flatten)]
-    means: MeansArgs,
+    how: AnalysisArgs,
     #[command(flatten)]
     resample: ResampleArgs,
-    #[command(flatten)]
-    read: ReadArgs,
-    #[command(flatten)]
-    part: PartArgs,
     /// Seed of all random numbers.
-    #[arg(long, default_value_t = 42)]
+    #[arg(long, default_value_t = 42, help_heading = "Method")]
     seed: u64,
     /// Folder for rolling.json and a picture of the links over time.
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     out: Option<PathBuf>,
     /// Write into --out although there are files of others.
-    #[arg(long, requires = "out")]
+    #[arg(long, requires = "out", help_heading = "Output")]
     force: bool,
     /// What to print while it runs.
-    #[arg(long, value_enum, default_value_t = Format::Text)]
+    #[arg(long, value_enum, default_value_t = Format::Text, help_heading = "Output")]
     format: Format,
 }
 
@@ -98,18 +89,10 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     }
     let resampling = args.resample.asked()?;
     let windows = args.windows();
-    let readable = Readable {
-        files: &args.files,
-        inputs: &args.inputs,
-        method: &args.method,
-        means: &args.means,
-        read: &args.read,
-        part: &args.part,
-    };
-    let (data, settings, dt) = discover::read(&readable, args.seed, interrupt)?;
+    let (data, settings, dt) = discover::read(&args.files, &args.how, args.seed, interrupt)?;
     args.check_batch(&data, settings.tau_max)?;
-    let control = args.means.within_budget(Control::default().cancel_on(interrupt.flag()))?;
-    let rolling = args.means.in_pool(|| {
+    let control = args.how.means.within_budget(Control::default().cancel_on(interrupt.flag()))?;
+    let rolling = args.how.means.in_pool(|| {
         let mut rolling = Rolling::new(args.format, dt);
         if args.changes {
             rolling.status = args.events(&data, &settings, &control, &mut rolling)?;
@@ -223,14 +206,8 @@ struct Rolling {
 
 impl Rolling {
     fn new(format: Format, dt: Option<f64>) -> Self {
-        Self {
-            format,
-            dt,
-            windows: Vec::new(),
-            events: Vec::new(),
-            looked_at: None,
-            status: Status::Complete,
-        }
+        let (windows, events, status) = (Vec::new(), Vec::new(), Status::Complete);
+        Self { format, dt, windows, events, looked_at: None, status }
     }
 
     fn begin(&self) {
@@ -252,12 +229,12 @@ impl Rolling {
                 if let Some(rows) = self.looked_at {
                     let confirmed =
                         self.events.iter().filter(|event| event.status == changes::Status::Confirmed).count();
-                    let told = match confirmed {
+                    let reported = match confirmed {
                         0 => "no change confirmed".to_owned(),
                         1 => "1 change confirmed".to_owned(),
                         n => format!("{n} changes confirmed"),
                     };
-                    crate::terminal::say!("{told} in {rows} rows");
+                    crate::terminal::say!("{reported} in {rows} rows");
                 }
             }
         }
@@ -272,32 +249,19 @@ impl Rolling {
             }
             Format::Csv => window.model.links.iter().for_each(|link| {
                 let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+                let WindowModel { recording, start, end, .. } = window;
+                let (cause, effect) = (quoted(&link.cause), quoted(&link.effect));
+                let (lag, value, p, mark) = (link.lag, number(link.value), number(link.p_value), link.mark);
+                let [share, low, high] = [link.confidence, link.value_low, link.value_high].map(number);
                 crate::terminal::say!(
-                    "{},{},{},{},{},{},{},{},{},{},{},{}",
-                    window.recording,
-                    window.start,
-                    window.end,
-                    quoted(&link.cause),
-                    quoted(&link.effect),
-                    link.lag,
-                    number(link.value),
-                    number(link.p_value),
-                    link.mark,
-                    number(link.confidence),
-                    number(link.value_low),
-                    number(link.value_high)
+                    "{recording},{start},{end},{cause},{effect},{lag},{value},{p},{mark},{share},{low},{high}"
                 );
             }),
             Format::Text => {
                 let link = |link: &roscausal_discovery::Link| {
-                    let arrow = if link.mark == "-->" { "->" } else { link.mark.as_str() };
-                    format!(
-                        "{} {arrow} {} ({}) {}",
-                        plain(&link.cause),
-                        plain(&link.effect),
-                        link.lag,
-                        link.strength_in_words(2)
-                    )
+                    let arrow = if link.mark == LinkMark::Forward { "->" } else { link.mark.symbol() };
+                    let (cause, effect, lag) = (plain(&link.cause), plain(&link.effect), link.lag);
+                    format!("{cause} {arrow} {effect} ({lag}) {}", link.strength_in_words(2))
                 };
                 let links: Vec<String> = window.model.links.iter().map(link).collect();
                 let links = if links.is_empty() { "no link".to_owned() } else { links.join(", ") };

@@ -81,17 +81,20 @@ pub(crate) fn flags(groups: &'static [Group]) -> impl Iterator<Item = Arg> {
 }
 
 fn flag(setting: &'static Setting) -> Arg {
-    let arg = Arg::new(setting.id).long(setting.flag).hide_short_help(setting.expert);
+    let heading = match setting.group {
+        _ if setting.expert => "For experts",
+        Group::Method | Group::Seed => "Method",
+        Group::Resampling => "Confidence",
+        Group::Run => "Output",
+    };
+    let arg = Arg::new(setting.id).long(setting.flag).help_heading(heading);
     let words = setting.kind.words();
     let mut help = setting.help.to_owned();
     if !words.is_empty() {
         help += &format!(": {}", words.join(", "));
     }
-    if setting.id == "method" {
-        help += "; for `discover` also auto: says which to choose for these data and why";
-    }
-    if setting.id == "tau_max" {
-        help += "; for `discover` also auto: as far as dependence is seen";
+    if !setting.auto.is_empty() {
+        help += &format!("; for `discover` also {AUTO}: {}", setting.auto);
     }
     let (default, words) = (setting.written(&setting.default_value()), setting.default_words());
     match words.is_empty() {
@@ -107,7 +110,7 @@ fn flag(setting: &'static Setting) -> Arg {
     }
     let check = move |text: &str| match setting.kind {
         Kind::File(_) | Kind::List(_) => Ok(text.to_owned()),
-        Kind::Lag if text == AUTO && setting.id == "tau_max" => Ok(text.to_owned()),
+        _ if text == AUTO && !setting.auto.is_empty() => Ok(text.to_owned()),
         _ => setting.read(text).map(|_| text.to_owned()),
     };
     let arg = arg.help(help).value_parser(check).action(ArgAction::Set).value_name(value_name(setting));
@@ -183,14 +186,13 @@ pub(crate) use of_groups;
 
 #[cfg(test)]
 mod tests {
-    use clap::{Command, CommandFactory};
+    use clap::Command;
 
     use super::*;
-    use crate::cli::Cli;
 
     #[test]
     fn every_subcommand_that_analyses_has_every_setting() {
-        let command = Cli::command();
+        let command = crate::cli::command();
         for name in ["discover", "roll", "replay", "demo", "report"] {
             let own = command.find_subcommand(name).expect(name);
             for setting in &SETTINGS {

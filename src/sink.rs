@@ -18,6 +18,7 @@ pub(crate) struct Sink(Option<(PathBuf, Recorder<LoopbackNode>)>);
 
 /// Where to record.
 #[derive(clap::Args)]
+#[command(next_help_heading = "Nodes and page")]
 pub(crate) struct SinkArgs {
     /// Record every topic of the run, including models and pictures, into this MCAP file.
     #[arg(long, value_name = "FILE.mcap")]

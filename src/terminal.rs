@@ -80,15 +80,16 @@ pub(crate) fn is_coloured() -> bool {
     Colour::shows(&io::stderr())
 }
 
-/// A text for people on the standard output: its first line is bold, notes are yellow, where colours are shown.
+/// A text for people on the standard output: its first line and its headings are bold, notes are yellow, where colours are shown.
 pub(crate) fn print_report(text: &str) {
     if !Colour::shows(&io::stdout()) {
         return print_text(&format!("{text}\n"));
     }
     let mut painted = String::new();
+    const HEADINGS: [&str; 3] = ["Conclusion", "Links, firmest first", "Next"];
     for (number, line) in visible::lines(text).lines().enumerate() {
         match number {
-            0 => painted += &format!("{BOLD}{line}{PLAIN}\n"),
+            _ if number == 0 || HEADINGS.contains(&line) => painted += &format!("{BOLD}{line}{PLAIN}\n"),
             _ if line.starts_with("note: ") => painted += &format!("{YELLOW}note:{PLAIN}{}\n", &line[5..]),
             _ => painted += &format!("{line}\n"),
         }

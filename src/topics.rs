@@ -5,7 +5,7 @@ mod signals;
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
-use roscausal_core::{Error, Result, Time, signal::Definitions};
+use roscausal_core::{Result, Time, signal::Definitions};
 use roscausal_recording::{Record, Recording, Topic};
 
 use crate::{
@@ -75,9 +75,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         topics.iter().map(|topic| Stamps::of(topic, &definitions).filter(|_| is_stamped(topic))).collect();
     let mut offsets: Vec<Offsets> = topics.iter().map(|_| Offsets::default()).collect();
     for record in recording.by_ref() {
-        if interrupt.is_set() {
-            return Err(Error::Cancelled("by the user".into()));
-        }
+        interrupt.check()?;
         if let Some(stamp) = stamps[record.topic].as_ref().and_then(|stamps| stamps.first(&record.bytes)) {
             let number = counts[record.topic].messages;
             offsets[record.topic].add(number, stamp, record.stamp);
@@ -89,17 +87,8 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     lines.sort_by_key(|((topic, _), _)| (&topic.name, &topic.type_name));
     let names = topics.iter().map(|topic| topic.name.len()).max().unwrap_or(0).max(5);
     let types = topics.iter().map(|topic| topic.type_name.len()).max().unwrap_or(0).max(4);
-    terminal::say!(
-        "{:names$}  {:types$}  {:>8}  {:>8}  {:>9}  {:>10}  {:>9}  {:>5}",
-        "topic",
-        "type",
-        "messages",
-        "rate, Hz",
-        "gap, s",
-        "offset, s",
-        "spread, s",
-        "jumps"
-    );
+    let columns = "messages  rate, Hz     gap, s   offset, s  spread, s  jumps";
+    terminal::say!("{:names$}  {:types$}  {columns}", "topic", "type");
     for ((topic, count), offset) in lines {
         let rate = count.rate().map_or_else(|| "-".to_owned(), |rate| format!("{rate:.2}"));
         let gap = count.rate().map_or_else(|| "-".to_owned(), |_| format!("{:.3}", count.gap_s));

@@ -14,51 +14,23 @@ use crate::{flags, nodes::RECORDING};
 
 /// Flags that describe the data or their analysis, besides those that are a node's parameter.
 const FLAGS: [&str; 39] = [
-    "agent",
-    "batch",
-    "changes",
-    "clock",
-    "columns",
-    "detrend",
-    "difference",
-    "drop-constant",
-    "drop-empty",
-    "encode",
-    "feature",
-    "frame-rate",
-    "goal",
-    "join",
-    "keep",
-    "last",
-    "mask",
-    "max-gap",
-    "missing-value",
-    "names",
-    "no-header",
-    "obstacle",
-    "people",
-    "position-unit",
-    "recording",
-    "resample",
-    "robot",
-    "robot-goal",
-    "robot-pose",
-    "rows",
-    "season",
-    "signal",
-    "standardise",
-    "step",
-    "time-column",
-    "time-unit",
-    "trajectory-columns",
-    "where",
-    "window",
+    "agent", "batch", "changes", "clock", "columns", "detrend", "difference", "drop-constant", "drop-empty",
+    "encode", "feature", "frame-rate", "goal", "join", "keep", "last", "mask", "max-gap", "missing-value",
+    "names", "no-header", "obstacle", "people", "position-unit", "recording", "resample", "robot",
+    "robot-goal", "robot-pose", "rows", "season", "signal", "standardise", "step", "time-column",
+    "time-unit", "trajectory-columns", "where", "window",
 ];
 
-/// Whether a setting's value asks for no more work than data may.
+/// Whether a setting's value asks for no more work than data may: rows and batches without end, too.
 fn is_modest(param: &str, value: &str) -> bool {
     let most = setting(param).map_or(f64::INFINITY, |setting| setting.most_of_data);
-    most == f64::INFINITY || value.trim().parse::<f64>().is_ok_and(|value| value <= most)
+    let value = value.trim().parse::<f64>();
+    match param {
+        "dt" => value.is_ok_and(|step| step >= 0.001),
+        "ts_length" => value.is_ok_and(|length| length.is_nan() || length == 0.0 || length >= 1.0),
+        "max_gap" => value.is_ok_and(|gap| gap <= 5.0),
+        _ => most == f64::INFINITY || value.is_ok_and(|value| value <= most),
+    }
 }
 
 /// Whether settings that come with data may give a node's parameter this value.
@@ -110,7 +82,7 @@ fn is_parameter_of_data(text: &str) -> bool {
 }
 
 /// A setting that was left out, and how the user would say it on purpose.
-pub(crate) fn told(node: &str, param: &str) -> String {
+pub(crate) fn reported(node: &str, param: &str) -> String {
     match flags::flag_of_parameter(node, param) {
         Some(flag) => format!("{node}.{param} (--{flag})"),
         None if RECORDING.contains(&node) => format!("{node}.{param} (--param {node}.{param}=...)"),
@@ -135,7 +107,7 @@ mod tests {
 
     #[test]
     fn every_listed_flag_exists() {
-        let known = crate::cli::long_flags();
+        let known = flags::all_of(&crate::cli::command());
         for flag in FLAGS {
             assert!(known.iter().any(|name| name == flag), "--{flag}");
             assert!(flags::parameter_of_flag(flag).is_none(), "--{flag} is a parameter: its table decides");
@@ -152,31 +124,11 @@ mod tests {
                 assert!(!names.iter().any(|name| words.contains(name)), "{node}.{}", spec.name);
             }
         }
-        for flag in crate::cli::long_flags() {
+        for flag in flags::all_of(&crate::cli::command()) {
             let commands = [
-                "address",
-                "port",
-                "token",
-                "web",
-                "out",
-                "output",
-                "force",
-                "record",
-                "threads",
-                "max-memory",
-                "time-budget",
-                "links",
-                "null-dist",
-                "resample-out",
-                "latex",
-                "tikz",
-                "speed",
-                "data",
-                "graph",
-                "seeds",
-                "shard",
-                "ignore-settings",
-                "take-it",
+                "address", "port", "token", "web", "out", "output", "force", "record", "threads",
+                "max-memory", "time-budget", "links", "null-dist", "resample-out", "latex", "tikz", "speed",
+                "data", "graph", "seeds", "shard", "ignore-settings", "take-it",
             ];
             assert!(!(commands.contains(&flag.as_str()) && may_say(&flag, &["1".into()])), "--{flag}");
         }
@@ -185,6 +137,10 @@ mod tests {
     #[test]
     fn a_method_is_one_of_the_registry_and_work_is_limited() {
         let may = |param: &str, value: &str| may_set("discovery", param, value);
+        for (param, value) in [("dt", "0.0001"), ("ts_length", "0.002"), ("max_gap", "60"), ("dt", "x")] {
+            assert!(!may_set("data", param, value), "{param} {value}");
+        }
+        assert!(may_set("data", "dt", "0.3") && may_set("data", "ts_length", "0"));
         assert!(may("cd_method", "pcmci") && !may("cd_method", "post.py") && !may("cd_method", "../x"));
         assert!(may("cond_ind_test", "gpdc") && !may("cond_ind_test", "GPDC-Python"));
         assert!(may_set("data", "postprocess", "none") && !may_set("data", "postprocess", "script"));

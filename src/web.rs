@@ -1,27 +1,19 @@
 //! `--web`: the live page of a run.
 
-use std::{
-    net::IpAddr,
-    thread::{self, JoinHandle},
-    time::Duration,
-};
+use std::{net::IpAddr, thread, time::Duration};
 
 use clap::Args as ClapArgs;
-use roscausal_core::{
-    Error, Result,
-    loopback::{Loopback, LoopbackNode},
-    middleware::Middleware,
-    nodes::SceneOptions,
-};
+use roscausal_core::{Result, loopback::Loopback, nodes::SceneOptions};
 use roscausal_dashboard::{Server, Teller, dashboard};
 
-use crate::interrupt::Interrupt;
+use crate::{interrupt::Interrupt, nodes::Threaded};
 
 /// Time between two checks whether to end.
 const LOOK_AGAIN: Duration = Duration::from_millis(100);
 
 /// Arguments of the live page.
 #[derive(ClapArgs, Clone, Debug)]
+#[command(next_help_heading = "Nodes and page")]
 pub(crate) struct WebArgs {
     /// Show the run live on a page in the browser; Ctrl-C ends it.
     #[arg(long)]
@@ -46,8 +38,7 @@ impl WebArgs {
 
 /// The page while it is served.
 pub(crate) struct Web {
-    node: LoopbackNode,
-    thread: JoinHandle<Result<()>>,
+    page: Threaded,
     teller: Teller,
 }
 
@@ -59,18 +50,16 @@ impl Web {
         }
         let server = Server::start(args.address, args.port, &args.token)?;
         crate::terminal::say!("Live page: {}  (Ctrl-C ends)", server.url());
-        let node = bus.node("dashboard");
-        let its_own = node.clone();
         let options = SceneOptions { robot: robot.to_owned(), ..SceneOptions::default() };
         let teller = server.teller();
-        let thread = thread::spawn(move || dashboard(&its_own, &server, options));
-        Ok(Some(Self { node, thread, teller }))
+        let page = Threaded::start(bus, "dashboard", move |mw| dashboard(mw, &server, options));
+        Ok(Some(Self { page, teller }))
     }
 
     /// Says that the run has ended, and keeps the page up until the user has seen enough.
     pub(crate) fn stay(&self, bus: &Loopback, interrupt: &Interrupt) {
         self.teller.ended("ended");
-        while !interrupt.is_set() && !self.thread.is_finished() {
+        while !interrupt.is_set() && !self.page.is_finished() {
             bus.settle();
             thread::sleep(LOOK_AGAIN);
         }
@@ -78,8 +67,6 @@ impl Web {
 
     /// Closes the page.
     pub(crate) fn end(self) -> Result<()> {
-        self.node.shutdown();
-        let died = |_| Error::Middleware("the live page died; please report it".into());
-        self.thread.join().map_err(died)?
+        self.page.end("the live page")
     }
 }

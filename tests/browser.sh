@@ -28,6 +28,7 @@ fi
 prepare_only "$@"
 
 build_all --quiet || give_up "the program cannot be built"
+[ -f target/docs/index.html ] || tests/docs.sh
 roscausal=$(program roscausal)
 
 mkdir -p target/browser

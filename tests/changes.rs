@@ -70,27 +70,27 @@ fn a_replay_tells_the_changes_of_a_recording_as_a_live_node_and_as_roll() {
     args.extend(signals.iter().flat_map(|signal| ["--signal", signal]));
     args.extend(["--method", "pcmci", "--test", "parcorr", "--changes", "--window-batches", "3"]);
     let output = roscausal(dir, &args);
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+    let stated = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{stated}{}", String::from_utf8_lossy(&output.stderr));
 
-    let told = recorded_changes(&dir.join("r/cm_pool")).expect("reads");
+    let reported = recorded_changes(&dir.join("r/cm_pool")).expect("reads");
     let confirmed: Vec<&RecordedChange> =
-        told.iter().filter(|change| change.event.status == Status::Confirmed).collect();
-    assert_eq!(confirmed.len(), 2, "{told:?}");
+        reported.iter().filter(|change| change.event.status == Status::Confirmed).collect();
+    assert_eq!(confirmed.len(), 2, "{reported:?}");
     assert!(
         confirmed.iter().all(|change| change.event.cause == "x" && change.event.effect == "y"),
-        "{told:?}"
+        "{reported:?}"
     );
-    assert_eq!(confirmed[1].event.same_as, Some(1), "{told:?}");
+    assert_eq!(confirmed[1].event.same_as, Some(1), "{reported:?}");
     assert!(
-        said.contains("x drives y (lag 1) in the opposite direction") && said.contains("found in "),
-        "{said}"
+        stated.contains("x drives y (lag 1) in the opposite direction") && stated.contains("found in "),
+        "{stated}"
     );
     let summary: serde_json::Value =
         serde_json::from_slice(&fs::read(dir.join("r/summary.json")).expect("is there")).expect("JSON");
     let in_summary: Vec<RecordedChange> =
         serde_json::from_value(summary["changes"].clone()).expect("changes");
-    assert_eq!(in_summary, told);
+    assert_eq!(in_summary, reported);
     let picture = fs::read_to_string(dir.join("r/strip.svg")).expect("is there");
     assert_eq!(picture.matches("class=\"change\"").count(), 2);
     assert!(picture.contains("regime 3, as 1") && picture.contains("minutes"), "{picture}");
@@ -98,7 +98,7 @@ fn a_replay_tells_the_changes_of_a_recording_as_a_live_node_and_as_roll() {
     // The same bytes from a live node on the same batches.
     live(&dir.join("r"), &dir.join("live"));
     let changes = files(&dir.join("r/cm_pool/changes"), ".json");
-    assert!(changes.len() == told.len() && changes == files(&dir.join("live/models/changes"), ".json"));
+    assert!(changes.len() == reported.len() && changes == files(&dir.join("live/models/changes"), ".json"));
     assert!(files(&dir.join("r/cm_pool"), ".json") == files(&dir.join("live/models"), ".json"));
 
     // And the same events from the tables.
@@ -118,5 +118,5 @@ fn a_replay_tells_the_changes_of_a_recording_as_a_live_node_and_as_roll() {
         .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok()?.get("event").cloned())
         .map(|event| serde_json::from_value(event).expect("an event"))
         .collect();
-    assert_eq!(events, told.iter().map(|change| change.event.clone()).collect::<Vec<_>>());
+    assert_eq!(events, reported.iter().map(|change| change.event.clone()).collect::<Vec<_>>());
 }

@@ -113,8 +113,11 @@ fn discover(dir: &Path, args: &[&str]) -> (String, bool, Vec<(String, String)>) 
     let out = dir.join("out");
     let _ = fs::remove_dir_all(&out);
     let output = roscausal(dir, &[&["discover"], args, &["--out", "out"], &ANALYSIS].concat());
-    let text =
-        format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let text = format!(
+        "{}{}",
+        String::from_utf8_lossy(&output.stdout).replace("\n  ", " "),
+        String::from_utf8_lossy(&output.stderr)
+    );
     let batches = if output.status.success() { csv_files(&out.join("batches")) } else { Vec::new() };
     (text, output.status.success(), batches)
 }
@@ -207,7 +210,7 @@ fn topics_prints_how_far_stamps_are_from_the_time_of_recording() {
     let late = |number: u32| step(number) - 1.25 - if number == 99 { 50.0 } else { 0.0 };
     Walk { people_stamp: &late, ..SOUND }.write(&dir.path().join("late.mcap"));
     let output = roscausal(dir.path(), &["topics", "late.mcap"]);
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let text = String::from_utf8_lossy(&output.stdout).replace("\n  ", " ");
     let columns = |topic: &str| {
         let line = text.lines().find(|line| line.starts_with(topic)).unwrap_or_else(|| panic!("{text}"));
         line.split_whitespace().rev().take(3).map(str::to_owned).collect::<Vec<_>>()
@@ -251,8 +254,11 @@ fn without_a_goal_the_distance_to_it_is_left_out_unless_it_is_named() {
     for args in [&[][..], &["--person=nearest:1"], &["--person=all", "--several-people=joint"]] {
         let args = [&["discover", "sound.mcap", "--method", "pcmci", "--test", "parcorr"], args].concat();
         let output = roscausal(dir.path(), &args);
-        let text =
-            format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        let text = format!(
+            "{}{}",
+            String::from_utf8_lossy(&output.stdout).replace("\n  ", " "),
+            String::from_utf8_lossy(&output.stderr)
+        );
         assert!(
             output.status.success() && text.matches("h_dg").count() == 1 && text.contains(note),
             "{text}"

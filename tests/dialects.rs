@@ -45,9 +45,9 @@ fn comma(number: f64) -> String {
 fn analyse(dir: &Path, file: &str, more: &[&str]) -> Result<Value, String> {
     let quick = ["discover", file, "--method", "pcmci", "--test", "parcorr", "--format", "json"];
     let out = roscausal(dir, &[&quick[..], more].concat());
-    let told = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert!(!told.contains("panicked"), "{told}");
-    if out.status.success() { Ok(serde_json::from_slice(&out.stdout).expect("JSON")) } else { Err(told) }
+    let reported = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(!reported.contains("panicked"), "{reported}");
+    if out.status.success() { Ok(serde_json::from_slice(&out.stdout).expect("JSON")) } else { Err(reported) }
 }
 
 fn with(content: &[u8], more: &[&str]) -> Result<Value, String> {
@@ -163,7 +163,7 @@ fn the_same_data_in_thirty_dialects_give_the_same_model() {
     ];
     assert!(dialects.len() >= 30);
     for (name, content) in dialects {
-        let model = with(&content, &[]).unwrap_or_else(|told| panic!("{name}: {told}"));
+        let model = with(&content, &[]).unwrap_or_else(|reported| panic!("{name}: {reported}"));
         for field in ["features", "links", "p_matrix", "n_samples"] {
             assert_eq!(model[field], expected[field], "{name}");
         }
@@ -187,9 +187,9 @@ fn truth_values_and_words_for_a_missing_value_are_numbers() {
 fn words_are_refused_by_name_or_encoded_when_asked() {
     let content =
         text("time,a,b,state", |i, [t, a, b]| format!("{t},{a},{b},{}", ["walk", "idle"][i / 7 % 2]));
-    let told = with(content.as_bytes(), &[]).expect_err("words");
+    let reported = with(content.as_bytes(), &[]).expect_err("words");
     for words in ["line 2, column 'state': 'walk' is not a number", "--encode codes", "--columns"] {
-        assert!(told.contains(words), "{told}");
+        assert!(reported.contains(words), "{reported}");
     }
     let model = with(content.as_bytes(), &["--encode", "codes"]).expect("encoded");
     assert!(model["warnings"].to_string().contains("words of column 'state' as codes: 0 idle, 1 walk"));
@@ -232,10 +232,12 @@ fn a_hole_splits_a_table_and_is_told() {
 fn uneven_steps_are_an_error_and_are_resampled_when_asked() {
     let uneven =
         text("time,a,b", |i, [t, a, b]| format!("{},{a},{b}", t + 0.2 * ((i * 37 % 101) as f64 / 101.0)));
-    let told = with(uneven.as_bytes(), &[]).expect_err("uneven");
+    let reported = with(uneven.as_bytes(), &[]).expect_err("uneven");
     assert!(
-        told.contains("its steps are uneven") && told.contains("--dt") && told.contains("--resample last"),
-        "{told}"
+        reported.contains("its steps are uneven")
+            && reported.contains("--dt")
+            && reported.contains("--resample last"),
+        "{reported}"
     );
     for how in ["last", "mean", "linear"] {
         let model = with(uneven.as_bytes(), &["--dt", "0.5", "--resample", how]).expect("resampled");
@@ -312,7 +314,8 @@ fn tables_without_names_or_with_numbers_for_names_are_read() {
         (table("1,2"), ["1", "2"]),
         (table("# a,b"), ["a", "b"]),
     ] {
-        let model = with(content.as_bytes(), &[]).unwrap_or_else(|told| panic!("{told}: {}", &content[..60]));
+        let model =
+            with(content.as_bytes(), &[]).unwrap_or_else(|reported| panic!("{reported}: {}", &content[..60]));
         assert_eq!(model["features"], serde_json::json!(names), "{}", &content[..40]);
         assert_eq!(model["val_matrix"], expected["val_matrix"], "{}", &content[..40]);
     }
@@ -323,18 +326,18 @@ fn tables_without_names_or_with_numbers_for_names_are_read() {
     assert!(
         with(bare(",").as_bytes(), &["--names", "a"]).expect_err("one").contains("1 names for 2 columns")
     );
-    let told = with(b"# c\n# d\n1.5,2\n3,x\n", &[]).expect_err("a word");
-    assert!(told.contains("line 4, column 'x_1': 'x'"), "{told}");
-    let told =
+    let reported = with(b"# c\n# d\n1.5,2\n3,x\n", &[]).expect_err("a word");
+    assert!(reported.contains("line 4, column 'x_1': 'x'"), "{reported}");
+    let reported =
         with(plain().as_bytes(), &["--no-header", "--time-column", "none"]).expect_err("words in line 1");
-    assert!(told.contains("line 1, column 'x_0': 'time'"), "{told}");
+    assert!(reported.contains("line 1, column 'x_0': 'time'"), "{reported}");
     let timed =
         with(text("", |_, [t, a, b]| format!("{t},{a},{b}")).trim_start().as_bytes(), &[]).expect("reads");
     assert_eq!((timed["dt"].as_f64(), &timed["features"]), (Some(0.25), &serde_json::json!(["x_1", "x_2"])));
     let wide =
         (0..10).map(|i| (0..400).map(|k| format!("0.{}", i * 7 + k)).collect::<Vec<_>>().join(",") + "\n");
-    let told = with(wide.collect::<String>().as_bytes(), &[]).expect_err("on its side");
-    assert!(told.contains("10 rows of 400 numbers") && told.contains("transpose"), "{told}");
+    let reported = with(wide.collect::<String>().as_bytes(), &[]).expect_err("on its side");
+    assert!(reported.contains("rows of 400 numbers") && reported.contains("transpose"), "{reported}");
 }
 
 #[test]
@@ -344,10 +347,10 @@ fn what_counts_rows_or_says_when_is_left_out_and_named_unless_it_is_kept() {
     });
     let model = with(content.as_bytes(), &[]).expect("reads");
     assert_eq!((&model["features"], &model["dt"]), (&serde_json::json!(["a", "b"]), &0.25.into()));
-    let told = model["warnings"].to_string();
+    let reported = model["warnings"].to_string();
     assert!(
-        told.contains("h.header.seq counts the rows; year, month say when a row is; --keep has it"),
-        "{told}"
+        reported.contains("h.header.seq counts the rows; year, month say when a row is; --keep has it"),
+        "{reported}"
     );
     let kept = with(content.as_bytes(), &["--keep", "month,year"]).expect("reads");
     assert_eq!(kept["features"], serde_json::json!(["year", "month", "a", "b"]));
@@ -363,8 +366,8 @@ fn several_recordings_in_one_table_are_told_apart() {
             format!("{},{},{a},{b}", names[i / 67], t - 0.25 * 67.0 * (i / 67) as f64)
         })
     };
-    let told = with(named(["1", "2", "3"]).as_bytes(), &[]).expect_err("the time begins anew");
-    assert!(told.contains("line 69") && told.contains("--recording 'run'"), "{told}");
+    let reported = with(named(["1", "2", "3"]).as_bytes(), &[]).expect_err("the time begins anew");
+    assert!(reported.contains("line 69") && reported.contains("--recording 'run'"), "{reported}");
     let content = named(["left", "right", "left again"]);
     for column in ["run", "time"] {
         let more = if column == "time" { &["--columns", "a,b"][..] } else { &[] };

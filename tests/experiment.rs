@@ -194,7 +194,7 @@ fn a_planner_that_asks_is_set_beside_fixed_speeds_with_the_same_bytes_whatever_t
 #[test]
 fn changes_that_nobody_announced_are_told_announced_ones_are_not_and_threads_change_nothing() {
     let dir = tempfile::tempdir().expect("a folder");
-    let told = |out: &str, more: &[&str]| {
+    let reported = |out: &str, more: &[&str]| {
         let few = ["--seeds", "1..2", "--before", "1800", "--after", "900", "--do", "robot.off", "--waiting"];
         let args = [&["experiment", "changes", "--out", out], &few[..], more].concat();
         let output = roscausal(dir.path(), &args);
@@ -202,7 +202,7 @@ fn changes_that_nobody_announced_are_told_announced_ones_are_not_and_threads_cha
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         (text, read(dir.path(), &format!("{out}/changes.csv")))
     };
-    let (text, csv) = told("one", &["--threads", "1"]);
+    let (text, csv) = reported("one", &["--threads", "1"]);
     assert!(text.contains("robot.off not announced, 2 runs, batches of 300 s at 0.3 s, parcorr"), "{text}");
     assert!(text.contains("told in ") && text.contains("false alarms: ") && !text.contains("NaN"), "{text}");
     assert_eq!(csv.lines().next(), Some("seed,action_s,told_s,kind,cause,effect,lag,before,after,p_value"));
@@ -214,9 +214,9 @@ fn changes_that_nobody_announced_are_told_announced_ones_are_not_and_threads_cha
     assert!(rows.iter().all(|row| (1795.0..2400.0).contains(&number(row[1]))), "{csv}");
     let after = |row: &&Vec<&str>| number(row[2]) > number(row[1]);
     assert!(rows.iter().any(|row| after(&row)), "nobody is told of it: {csv}");
-    assert_eq!(told("two", &["--threads", "2"]).1, csv);
+    assert_eq!(reported("two", &["--threads", "2"]).1, csv);
     // What is announced is not a change.
-    let (text, announced) = told("announced", &["--announced"]);
+    let (text, announced) = reported("announced", &["--announced"]);
     assert!(text.contains("robot.off announced"), "{text}");
     let of = |csv: &str| {
         csv.lines().skip(1).filter(|line| after(&&line.split(',').collect::<Vec<&str>>())).count()

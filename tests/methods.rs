@@ -56,8 +56,8 @@ fn a_column_that_is_constant_in_each_file_is_a_context() {
     two_people(dir.path());
     let found = model(dir.path(), &["discover", "a.csv", "b.csv", "--method", "jpcmciplus"]);
     assert_eq!(found["features"], json!(["speed", "distance", "age"]));
-    let told = found["warnings"].to_string();
-    assert!(told.contains("taken as contexts, which drive and are not driven: age"), "{told}");
+    let reported = found["warnings"].to_string();
+    assert!(reported.contains("taken as contexts, which drive and are not driven: age"), "{reported}");
     assert!(found["links"].as_array().expect("links").iter().all(|link| link["effect"] != "age"));
 }
 
@@ -292,8 +292,8 @@ fn settings_beside_the_data_are_taken_as_given_unless_the_user_names_a_method_th
     let args = ["discover", "data.csv", "--method", "granger", "--test", "parcorr"];
     assert_eq!(model(dir.path(), &args)["alpha"], 0.01);
     let out = roscausal(dir.path(), &args);
-    let told = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert!(told.contains("settings of roscausal.toml: --alpha=0.01\n"), "{told}");
+    let reported = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(reported.contains("settings of roscausal.toml: --alpha=0.01\n"), "{reported}");
     let settings = format!("method = 'granger'\n{settings}");
     fs::write(dir.path().join("roscausal.toml"), settings).expect("writes");
     let text = complaint(dir.path(), &["discover", "data.csv"]);

@@ -39,8 +39,10 @@ fn file(name: &str) -> String {
     format!("{}/tests/recordings/people/{name}", env!("CARGO_MANIFEST_DIR"))
 }
 
-fn said(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+fn stated(output: &Output) -> String {
+    // A note goes on in indented lines.
+    let notes = String::from_utf8_lossy(&output.stdout).replace("\n  ", " ");
+    format!("{notes}{}", String::from_utf8_lossy(&output.stderr))
 }
 
 /// Where each of the two is, and how fast, `t` seconds after the beginning.
@@ -132,30 +134,34 @@ fn ros4hri_people_are_those_on_the_list_and_keep_small_numbers() {
     let dir = tempfile::tempdir().expect("a folder");
     let (output, tables) = replayed(dir.path(), "people_mcap", &["--people", "ros4hri", "--person", "all"]);
     let header =
-        tables.first().unwrap_or_else(|| panic!("{}", said(&output))).1.lines().next().unwrap().to_owned();
+        tables.first().unwrap_or_else(|| panic!("{}", stated(&output))).1.lines().next().unwrap().to_owned();
     assert!(header.contains("h_1_x") && header.contains("h_2_x"), "{header}");
     assert!(!header.contains("h_3_x"), "person_ghost is a frame that nobody tracks: {header}");
-    assert!(said(&output).contains("/humans/persons/tracked"), "{}", said(&output));
-    assert!(said(&output).contains("people: 1 = anna, 2 = berta"), "it says who is who: {}", said(&output));
+    assert!(stated(&output).contains("/humans/persons/tracked"), "{}", stated(&output));
+    assert!(
+        stated(&output).contains("people: 1 = anna, 2 = berta"),
+        "it says who is who: {}",
+        stated(&output)
+    );
 }
 
 /// The columns of the batch that everybody is in, and its rows.
 fn everybody(recording: &str, flags: &[&str]) -> (Vec<String>, Vec<Vec<f64>>, String) {
     let dir = tempfile::tempdir().expect("a folder");
     let (output, tables) = replayed(dir.path(), recording, &[&["--person", "all"], flags].concat());
-    let told = said(&output);
-    let Some((_, table)) = tables.first() else { return (Vec::new(), Vec::new(), told) };
+    let reported = stated(&output);
+    let Some((_, table)) = tables.first() else { return (Vec::new(), Vec::new(), reported) };
     let mut lines = table.lines().map(|line| line.split(','));
     let header = lines.next().expect("a header").map(str::to_owned).collect();
     let rows = lines.map(|row| row.map(|cell| cell.parse().unwrap_or(f64::NAN)).collect()).collect();
-    (header, rows, told)
+    (header, rows, reported)
 }
 
 #[test]
 fn nobody_is_a_person_of_ros4hri_before_the_list_names_her() {
-    let (header, rows, told) = everybody("people_late", &[]);
+    let (header, rows, reported) = everybody("people_late", &[]);
     assert!(header.contains(&"h_2_x".to_owned()) && !header.contains(&"h_3_x".to_owned()), "{header:?}");
-    assert!(told.contains("people: 1 = anna, 2 = berta"), "{told}");
+    assert!(reported.contains("people: 1 = anna, 2 = berta"), "{reported}");
     // Anna goes east from x = 2, 0.8 m each second; the list begins after two.
     let x = header.iter().position(|name| name == "h_1_x").expect("anna");
     let first = rows.iter().map(|row| row[x]).find(|x| x.is_finite()).expect("a place");
@@ -164,9 +170,9 @@ fn nobody_is_a_person_of_ros4hri_before_the_list_names_her() {
 
 #[test]
 fn where_only_bodies_are_listed_bodies_are_the_people_and_stray_frames_of_persons_are_not() {
-    let (header, rows, told) = everybody("people_bodies", &[]);
-    assert!(told.contains("people: TF frames of those on /humans/bodies/tracked"), "{told}");
-    assert!(told.contains("people: 1 = b17, 2 = b99") && !told.contains("anna"), "{told}");
+    let (header, rows, reported) = everybody("people_bodies", &[]);
+    assert!(reported.contains("people: TF frames of those on /humans/bodies/tracked"), "{reported}");
+    assert!(reported.contains("people: 1 = b17, 2 = b99") && !reported.contains("anna"), "{reported}");
     let people = header.iter().filter(|name| name.starts_with("h_") && name.ends_with("_x")).count();
     assert_eq!(people, 2, "{header:?}");
     assert!(rows.len() >= 50, "{}", rows.len());
@@ -195,33 +201,33 @@ fn frames_of_persons_count_without_a_list_where_a_recording_has_none() {
     writer.finish().expect("ends");
     let run = |flags: &[&str]| {
         let replay = ["replay", "frames.mcap", "--out", "out", "--ts-length", "0", "--person", "all"];
-        said(&roscausal(dir.path(), &[&replay, flags].concat()))
+        stated(&roscausal(dir.path(), &[&replay, flags].concat()))
     };
     for flags in [&[][..], &["--people", "ros4hri"]] {
-        let told = run(flags);
+        let reported = run(flags);
         assert!(
-            told.contains("people: all TF frames person_*, since no topic says who is tracked"),
-            "{told}"
+            reported.contains("people: all TF frames person_*, since no topic says who is tracked"),
+            "{reported}"
         );
-        assert!(told.contains("= anna") && told.contains("= ghost"), "{told}");
+        assert!(reported.contains("= anna") && reported.contains("= ghost"), "{reported}");
     }
 }
 
 #[test]
 fn who_was_lost_and_found_under_another_number_is_one_person_within_the_rejoin_time() {
     let people = |flags: &[&str]| {
-        let (header, rows, told) = everybody("people_renamed", flags);
+        let (header, rows, reported) = everybody("people_renamed", flags);
         let xs: Vec<usize> = (0..header.len())
             .filter(|i| header[*i].starts_with("h_") && header[*i].ends_with("_x"))
             .collect();
-        assert!(!rows.is_empty(), "{told}");
+        assert!(!rows.is_empty(), "{reported}");
         (xs.iter().map(|i| header[*i].clone()).collect::<Vec<_>>(), rows[rows.len() - 2][xs[0]])
     };
     let (names, _) = people(&[]);
     assert_eq!(names, ["h_1_x", "h_77_x"]);
     let (names, last) = people(&["--param", "human.rejoin_time=1.5"]);
     assert_eq!(names, ["h_1_x"]);
-    assert!(last > 6.0, "she is there to the end, at x = 6.6: {last}");
+    assert!(last > 6.0, "the person is there to the end, at x = 6.6: {last}");
 }
 
 #[test]
@@ -232,7 +238,7 @@ fn a_person_is_chosen_by_her_name() {
         let column = |who: &str| {
             let dir = tempfile::tempdir().expect("a folder");
             let (output, tables) = replayed(dir.path(), recording, &["--people", people, "--person", who]);
-            let table = tables.into_iter().next().unwrap_or_else(|| panic!("{}", said(&output))).1;
+            let table = tables.into_iter().next().unwrap_or_else(|| panic!("{}", stated(&output))).1;
             let mut lines = table.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
             let header = lines.next().expect("a header");
             let place = header.iter().position(|name| name.starts_with("h_") && name.ends_with("_y"));
@@ -248,13 +254,13 @@ fn a_person_is_chosen_by_her_name() {
         let dir = tempfile::tempdir().expect("a folder");
         let (output, _) = replayed(dir.path(), recording, &["--people", people, "--person", "ana"]);
         for part in ["nobody called 'ana'", "did you mean 'anna'?", "anna, berta"] {
-            assert!(said(&output).contains(part), "{part}: {}", said(&output));
+            assert!(stated(&output).contains(part), "{part}: {}", stated(&output));
         }
     }
     let dir = tempfile::tempdir().expect("a folder");
     let (output, _) =
         replayed(dir.path(), "people.bag", &["--people", "/people_tracked", "--person", "anna"]);
-    assert!(said(&output).contains("nobody in it has a name; choose by number"), "{}", said(&output));
+    assert!(stated(&output).contains("nobody in it has a name; choose by number"), "{}", stated(&output));
 }
 
 #[test]
@@ -270,7 +276,7 @@ fn velocity_engagement_and_gaze_of_ros4hri_are_variables_of_the_person_by_name()
     ];
     let flags = [&["--people", "ros4hri", "--person", "berta"][..], &signals].concat();
     let (output, tables) = replayed(dir.path(), "people_mcap", &flags);
-    let table = &tables.first().unwrap_or_else(|| panic!("{}", said(&output))).1;
+    let table = &tables.first().unwrap_or_else(|| panic!("{}", stated(&output))).1;
     let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let header = lines.next().expect("a header");
     let column = |name: &str| {
@@ -295,7 +301,7 @@ fn velocity_engagement_and_gaze_of_ros4hri_are_variables_of_the_person_by_name()
         assert!((vx + 0.6).abs() < 1e-9, "at {time}: {vx}");
     }
     let (output, _) = replayed(dir.path(), "people_mcap", &[&["--people", "ros4hri"][..], &signals].concat());
-    assert!(said(&output).contains("stand for one person; name her"), "{}", said(&output));
+    assert!(stated(&output).contains("stand for one person; name them"), "{}", stated(&output));
 }
 
 #[test]
@@ -306,8 +312,8 @@ fn one_topic_per_person_and_frames_by_pattern_are_people() {
     ] {
         let dir = tempfile::tempdir().expect("a folder");
         let (output, tables) = replayed(dir.path(), "people.bag", &["--people", people, "--person", "2"]);
-        assert!(said(&output).contains(says), "{}", said(&output));
-        let table = &tables.first().unwrap_or_else(|| panic!("{}", said(&output))).1;
+        assert!(stated(&output).contains(says), "{}", stated(&output));
+        let table = &tables.first().unwrap_or_else(|| panic!("{}", stated(&output))).1;
         assert!(table.starts_with("time,r_gx,r_gy,r_x,r_y,r_theta,r_v,r_omega,h_2_x"), "{table}");
         assert!(table.lines().count() >= 55, "{}", table.lines().count());
     }
@@ -317,13 +323,13 @@ fn one_topic_per_person_and_frames_by_pattern_are_people() {
 fn several_topics_of_people_are_named_and_a_topic_without_people_is_refused() {
     let dir = tempfile::tempdir().expect("a folder");
     let (output, _) = replayed(dir.path(), "people.bag", &[]);
-    assert!(said(&output).contains("several topics can be people"), "{}", said(&output));
-    assert!(said(&output).contains("/zed/objects (zed_msgs/ObjectsStamped)"), "{}", said(&output));
+    assert!(stated(&output).contains("several topics can be people"), "{}", stated(&output));
+    assert!(stated(&output).contains("/zed/objects (zed_msgs/ObjectsStamped)"), "{}", stated(&output));
     let (output, _) = replayed(dir.path(), "people.bag", &["--people", "/tf"]);
-    assert!(said(&output).contains("there is no topic /tf that can be people"), "{}", said(&output));
+    assert!(stated(&output).contains("there is no topic /tf that can be people"), "{}", stated(&output));
     let (output, _) = replayed(dir.path(), "people.bag", &["--people", "/detection"]);
-    assert!(said(&output).contains("did you mean /detections?"), "{}", said(&output));
-    assert!(said(&output).contains("vision_msgs/Detection3DArray"), "{}", said(&output));
+    assert!(stated(&output).contains("did you mean /detections?"), "{}", stated(&output));
+    assert!(stated(&output).contains("vision_msgs/Detection3DArray"), "{}", stated(&output));
 }
 
 /// The raw batches that the nodes record from the messages as they come. `people` is what `--people` takes.
@@ -379,7 +385,7 @@ fn every_trackers_type_is_found_by_itself_and_a_replay_gives_what_the_nodes_reco
         let flags = ["--people", people, "--person", "all", "--robot-odom", "/odom"];
         let same = ["--param", "robot.pose_topic=", "--param", "robot.source_frame=base_link"];
         let (output, again) = replayed(dir.path(), recording, &[&flags[..], &same].concat());
-        assert!(!again.is_empty(), "{recording} {people}: {}", said(&output));
+        assert!(!again.is_empty(), "{recording} {people}: {}", stated(&output));
         assert_eq!(live, again, "{recording} {people}");
         let header = live[0].1.lines().next().unwrap_or_default();
         assert!(header.split(',').any(|name| name == first), "{recording} {people}: {header}");

@@ -44,8 +44,8 @@ part "tests with nothing but numpy" "$clean/bin/python" -m pytest -q -p no:cache
 part "examples of the documentation" "$clean/bin/python" -m pytest -q -p no:cacheprovider --doctest-modules --pyargs roscausal
 
 # Programs that users have beside it.
-"$clean/bin/pip" install --quiet --disable-pip-version-check mypy pandas polars pyarrow networkx matplotlib nbclient ipykernel jsonschema ||
-  give_up "pandas, polars, pyarrow, networkx, matplotlib, nbclient, jsonschema or mypy cannot be installed from PyPI"
+"$clean/bin/pip" install --quiet --disable-pip-version-check mypy pandas polars pyarrow xarray networkx matplotlib nbclient ipykernel jsonschema ||
+  give_up "pandas, polars, pyarrow, xarray, networkx, matplotlib, nbclient, jsonschema or mypy cannot be installed from PyPI"
 part "tables, graphs and pictures of others" "$clean/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/others.py
 part "models are as their JSON Schema says" "$clean/bin/python" tests/schema.py "$clean/bin/roscausal"
 part "notebooks" "$clean/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/notebooks.py
@@ -56,6 +56,13 @@ part "the stub is the native module" "$clean/bin/python" -m mypy.stubtest roscau
 "$clean/bin/pip" install --quiet --disable-pip-version-check "ray>=2.40" distributed fsspec s3fs "aiobotocore[boto3]" "moto[s3]" flask flask-cors ||
   give_up "ray, distributed, s3fs or moto cannot be installed from PyPI"
 part "a fleet's recordings on one machine, on Ray and on Dask" "$clean/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/fleet.py
+
+# The reference, in an environment of its own: it brings a compiler of Python.
+reference=$made/reference
+python3 -m venv "$reference" && "$reference/bin/pip" install --quiet --disable-pip-version-check "$wheel" pytest matplotlib seaborn networkx \
+  tigramite==5.2.10.1 numba scikit-learn dcor || give_up "tigramite cannot be installed from PyPI"
+part "60 configurations give tigramite's numbers" "$reference/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/combinations.py
+part "a program in tigramite's words gives its numbers" "$reference/bin/python" tests/tutorials.py --least 100 roscausal_py/tests/words.ipynb
 
 # The same wheel on the other Pythons of this machine.
 found() { # VERSION: a Python that runs, on the path or of pyenv

@@ -16,8 +16,10 @@ use roscausal_msgs::{
 };
 use roscausal_recording::{McapWriter, Record, Recording};
 
-fn said(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+fn stated(output: &Output) -> String {
+    // A note goes on in indented lines.
+    let notes = String::from_utf8_lossy(&output.stdout).replace("\n  ", " ");
+    format!("{notes}{}", String::from_utf8_lossy(&output.stderr))
 }
 
 /// Small and quick, for tests that are not about the analysis.
@@ -31,7 +33,11 @@ fn recorded() -> &'static Path {
         let args = ["demo", "--seed", "3", "--duration", "60", "--out", "live", "--record", "run.mcap"];
         let intervention = ["--do", "robot.off@12..18"];
         let output = roscausal(dir.path(), &[&args[..], &intervention, &QUICK].concat());
-        assert!(output.status.success() && said(&output).contains("messages recorded"), "{}", said(&output));
+        assert!(
+            output.status.success() && stated(&output).contains("messages recorded"),
+            "{}",
+            stated(&output)
+        );
         dir
     };
     FOLDER.get_or_init(make).path()
@@ -44,13 +50,13 @@ fn a_replayed_run_gives_the_batches_of_the_live_run() {
     let demo = ["--param", "data.risk_lag=1", "--param", "data.risk_noise=0.02", "--param", "data.seed=3"];
     let record = ["--record", "again.mcap"];
     let output = roscausal(dir, &[&args[..], &demo, &record, &QUICK].concat());
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", stated(&output));
     let live = csv_files(&dir.join("live/data_pool"));
     assert!(live.len() >= 2);
     assert_eq!(live[..2], csv_files(&dir.join("again/data_pool"))[..2]);
     let live = csv_files(&dir.join("live/pp_pool/analysed"));
     assert_eq!(live, csv_files(&dir.join("again/pp_pool/analysed")));
-    assert!(said(&output).contains("2 models"), "{}", said(&output));
+    assert!(stated(&output).contains("2 models"), "{}", stated(&output));
     // The recording made by the replay contains the models too.
     let recording = roscausal_recording::Recording::open(dir.join("again.mcap")).expect("opens");
     for (name, least) in [("/roscausal/causal_model", 1), ("/roscausal/dag", 1), ("/roscausal/robot", 1000)] {
@@ -66,7 +72,7 @@ fn a_replay_and_a_demo_draw_no_link_to_a_variable_that_is_exogenous() {
     let demo = ["demo", "--seed", "3", "--duration", "60", "--out", "simulated"];
     for (args, folder) in [(&replay[..], "fixed/cm_pool"), (&demo, "simulated/cm_pool")] {
         let output = roscausal(dir, &[args, &["--exogenous", "h_dg"], &QUICK].concat());
-        assert!(output.status.success(), "{}", said(&output));
+        assert!(output.status.success(), "{}", stated(&output));
         let files = fs::read_dir(dir.join(folder)).expect("lists").flatten().map(|entry| entry.path());
         let models = files.filter(|path| path.extension().is_some_and(|end| end == "json"));
         let read = |path: std::path::PathBuf| -> serde_json::Value {
@@ -89,12 +95,12 @@ fn a_recording_is_analysed_as_one_batch_with_the_topics_found_in_it() {
         dir,
         &[&["discover", "run.mcap", "--ts-length", "0", "--out", "found"][..], &QUICK].concat(),
     );
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", stated(&output));
     for line in [
         "robot odometry: /mobile_base_controller/odom (nav_msgs/Odometry)",
         "people: /ped/control/teleop_persons",
     ] {
-        assert!(said(&output).contains(line), "{}", said(&output));
+        assert!(stated(&output).contains(line), "{}", stated(&output));
     }
     assert_eq!(csv_files(&dir.join("found/batches")).len(), 1);
     let named = ["--robot-odom", "/mobile_base_controller/odom", "--people", "/ped/control/teleop_persons"];
@@ -109,17 +115,17 @@ fn a_wrong_or_missing_topic_tells_what_there_is() {
     let dir = recorded();
     let output = roscausal(dir, &["discover", "run.mcap", "--robot-odom", "/odometry"]);
     assert_eq!(output.status.code(), Some(1));
-    let text = said(&output);
+    let text = stated(&output);
     assert!(
         text.contains("no topic /odometry") && text.contains("/mobile_base_controller/odom (nav"),
         "{text}"
     );
     let output = roscausal(dir, &["discover", "run.mcap", "--param", "data.safe_dits=4"]);
-    assert!(said(&output).contains("did you mean 'safe_dist'?"), "{}", said(&output));
+    assert!(stated(&output).contains("did you mean 'safe_dist'?"), "{}", stated(&output));
     fs::write(dir.join("table.csv"), "a,b\n1,2\n").expect("writes");
     let output = roscausal(dir, &["discover", "table.csv", "--people", "/people"]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(said(&output).contains("it is for recordings"), "{}", said(&output));
+    assert!(stated(&output).contains("it is for recordings"), "{}", stated(&output));
 }
 
 #[test]
@@ -128,17 +134,17 @@ fn a_recording_cut_short_is_used_as_far_as_it_goes() {
     let whole = fs::read(dir.join("run.mcap")).expect("reads");
     fs::write(dir.join("cut.mcap"), &whole[..whole.len() * 2 / 3]).expect("writes");
     let output = roscausal(dir, &[&["discover", "cut.mcap", "--dt", "0.3"][..], &QUICK].concat());
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", stated(&output));
     assert!(
-        said(&output).contains("note: cut.mcap: the file is damaged or was not closed"),
+        stated(&output).contains("note: cut.mcap: the file is damaged or was not closed"),
         "{}",
-        said(&output)
+        stated(&output)
     );
 }
 
 fn model(dir: &Path, args: &[&str]) -> (serde_json::Value, String) {
     let output = roscausal(dir, args);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", stated(&output));
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     (serde_json::from_slice(&output.stdout).expect("JSON"), text)
 }
@@ -146,10 +152,10 @@ fn model(dir: &Path, args: &[&str]) -> (serde_json::Value, String) {
 #[test]
 fn the_interventions_of_a_recording_are_columns_as_in_the_live_run() {
     let dir = recorded();
-    let (model, told) = model(dir, &["discover", "run.mcap", "--format", "json"]);
+    let (model, reported) = model(dir, &["discover", "run.mcap", "--format", "json"]);
     let features = model["features"].as_array().expect("names");
     assert!(features.contains(&"do_robot_off".into()), "{features:?}");
-    assert!(told.contains("interventions: /hri/interventions"), "{told}");
+    assert!(reported.contains("interventions: /hri/interventions"), "{reported}");
 }
 
 #[test]
@@ -157,17 +163,17 @@ fn a_recorded_demo_gives_the_demos_model_without_a_flag() {
     let dir = recorded();
     let demo: serde_json::Value =
         serde_json::from_slice(&fs::read(dir.join("live/model.json")).expect("reads")).expect("JSON");
-    let (again, told) = model(dir, &["discover", "run.mcap", "--format", "json"]);
+    let (again, reported) = model(dir, &["discover", "run.mcap", "--format", "json"]);
     for field in ["method", "cond_ind_test", "n_recordings", "dt", "links", "val_matrix", "p_matrix", "graph"]
     {
         assert_eq!(again[field], demo[field], "{field}");
     }
     for words in ["--method=pcmci", "--test=parcorr", "data.dt=0.3", "data.risk_lag=1", "data.ts_length=30"] {
-        assert!(told.contains(words), "{words}: {told}");
+        assert!(reported.contains(words), "{words}: {reported}");
     }
     // Replayed, it gives the demo's batches, and a model of each.
     let output = roscausal(dir, &["replay", "run.mcap", "--out", "unasked"]);
-    assert!(said(&output).contains("2 models"), "{}", said(&output));
+    assert!(stated(&output).contains("2 models"), "{}", stated(&output));
     assert_eq!(
         csv_files(&dir.join("live/pp_pool/analysed")),
         csv_files(&dir.join("unasked/pp_pool/analysed"))
@@ -179,8 +185,8 @@ fn the_folder_of_a_demo_gives_the_demos_model() {
     let dir = recorded();
     let demo = fs::read(dir.join("live/model.json")).expect("reads");
     let demo: serde_json::Value = serde_json::from_slice(&demo).expect("JSON");
-    let (again, told) = model(dir, &["discover", "live", "--format", "json"]);
-    assert!(told.contains("live/roscausal.toml: --method=pcmci --test=parcorr"), "{told}");
+    let (again, reported) = model(dir, &["discover", "live", "--format", "json"]);
+    assert!(reported.contains("live/roscausal.toml: --method=pcmci --test=parcorr"), "{reported}");
     for field in ["method", "cond_ind_test", "n_recordings", "dt", "links", "p_matrix"] {
         assert_eq!(again[field], demo[field], "{field}");
     }
@@ -191,7 +197,7 @@ fn the_folder_of_a_demo_gives_the_demos_model() {
     assert_eq!(pool["links"], demo["links"]);
     let nothing = tempfile::tempdir().expect("a folder");
     let output = roscausal(nothing.path(), &["discover", "."]);
-    assert!(said(&output).contains("there is nothing to analyse in this folder"), "{}", said(&output));
+    assert!(stated(&output).contains("there is nothing to analyse in this folder"), "{}", stated(&output));
 }
 
 #[test]
@@ -199,11 +205,11 @@ fn a_flag_takes_precedence_over_the_settings_of_a_recording() {
     let dir = recorded();
     let args =
         ["discover", "run.mcap", "--format", "json", "--dt", "0.2", "--ts-length", "0", "--alpha", "0.01"];
-    let (model, told) = model(dir, &[&args[..], &["--method", "bivci"]].concat());
+    let (model, reported) = model(dir, &[&args[..], &["--method", "bivci"]].concat());
     assert_eq!((&model["method"], &model["n_recordings"]), (&"bivci".into(), &1.into()));
     assert!((model["dt"].as_f64().expect("a step") - 0.2).abs() < 1e-9);
     assert_eq!(model["cond_ind_test"], "parcorr");
-    assert!(!told.contains("--method"), "{told}");
+    assert!(!reported.contains("--method"), "{reported}");
 }
 
 #[test]
@@ -213,15 +219,15 @@ fn a_bag_has_its_settings_in_a_file_beside_it() {
     let settings =
         "tau-max = 2\n[data]\ndt = 0.5\nts_length = 0\n[discovery]\ncond_ind_test = 'robustparcorr'\n";
     fs::write(dir.path().join("walk.mcap.roscausal.toml"), settings).expect("writes");
-    let (model, told) = model(dir.path(), &["discover", "walk.mcap", "--format", "json"]);
+    let (model, reported) = model(dir.path(), &["discover", "walk.mcap", "--format", "json"]);
     assert_eq!(
         (&model["tau_max"], &model["cond_ind_test"], &model["dt"]),
         (&2.into(), &"robustparcorr".into(), &0.5.into())
     );
-    assert!(told.contains("settings of walk.mcap.roscausal.toml: --tau-max=2"), "{told}");
+    assert!(reported.contains("settings of walk.mcap.roscausal.toml: --tau-max=2"), "{reported}");
     fs::write(dir.path().join("roscausal.toml"), "tau-mx = 3\n").expect("writes");
     let output = roscausal(dir.path(), &["discover", "walk.mcap"]);
-    assert!(said(&output).contains("did you mean 'tau-max'?"), "{}", said(&output));
+    assert!(stated(&output).contains("did you mean 'tau-max'?"), "{}", stated(&output));
 }
 
 /// Writes 20 s of a robot that AMCL finds every 0.6 s, with a pause of 9 s, and of a person. `topics` says what is recorded.
@@ -286,18 +292,18 @@ fn discovered(topics: &[&str], more: &[&str]) -> Output {
 #[test]
 fn the_robots_place_is_taken_from_what_knows_it_for_more_of_the_time_and_the_choice_is_told() {
     let output = discovered(&["/odom", "/tf", "/amcl_pose", "/people"], &["--drop-empty"]);
-    assert!(output.status.success(), "{}", said(&output));
-    let told = "robot pose: the pose in /odom, brought to the map by TF: it knows the robot in 100 % of the time, /amcl_pose";
+    assert!(output.status.success(), "{}", stated(&output));
+    let reported = "robot pose: the pose in /odom, brought to the map by TF: it knows the robot in 100 % of the time, /amcl_pose";
     assert!(
-        said(&output).contains(told) && said(&output).contains("in 0 % of the time"),
+        stated(&output).contains(reported) && stated(&output).contains("in 0 % of the time"),
         "{}",
-        said(&output)
+        stated(&output)
     );
     let output = discovered(&["/odom", "/tf", "/robot_pose", "/people"], &["--drop-empty"]);
     assert!(
-        said(&output).contains("robot pose: /robot_pose (geometry_msgs/PoseStamped); it knows"),
+        stated(&output).contains("robot pose: /robot_pose (geometry_msgs/PoseStamped); it knows"),
         "{}",
-        said(&output)
+        stated(&output)
     );
 }
 
@@ -305,13 +311,13 @@ fn the_robots_place_is_taken_from_what_knows_it_for_more_of_the_time_and_the_cho
 fn a_recording_with_poses_or_transforms_only_is_analysed() {
     let output = discovered(&["/robot_pose", "/people"], &["--drop-empty", "--format", "json"]);
     assert!(
-        output.status.success() && said(&output).contains("speed follows from the poses"),
+        output.status.success() && stated(&output).contains("speed follows from the poses"),
         "{}",
-        said(&output)
+        stated(&output)
     );
     let output = discovered(&["/tf", "/people"], &["--drop-empty", "--format", "json"]);
-    assert!(output.status.success(), "{}", said(&output));
-    assert!(said(&output).contains("robot: the place of base_link in map by TF"), "{}", said(&output));
+    assert!(output.status.success(), "{}", stated(&output));
+    assert!(stated(&output).contains("robot: the place of base_link in map by TF"), "{}", stated(&output));
     let model: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert!(model["n_samples"].as_u64().is_some_and(|n| n > 150), "{model}");
 }
@@ -338,13 +344,13 @@ fn a_recording_without_a_map_and_without_goals_is_analysed_in_the_odometrys_fram
     writer.finish().expect("ends");
     let run = |more: &[&str]| roscausal(dir.path(), &[&["discover", "walk.mcap"], more, &QUICK].concat());
     let output = run(&[]);
-    let told = said(&output);
-    assert!(output.status.success(), "{told}");
+    let reported = stated(&output);
+    assert!(output.status.success(), "{reported}");
     for part in ["left out, since the recording has no goal", "the frame odom of /odom", "--human-goal"] {
-        assert!(told.contains(part), "{part}: {told}");
+        assert!(reported.contains(part), "{part}: {reported}");
     }
     let output = run(&["--drop-empty", "--format", "json"]);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", stated(&output));
     let model: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(model["features"], serde_json::json!(["h_v", "h_risk"]));
     assert!(model["n_samples"].as_u64().is_some_and(|n| n > 150), "{model}");
@@ -377,7 +383,7 @@ fn a_robot_in_a_namespace_has_the_transforms_of_its_namespace_and_its_goal_from_
     let flags = ["replay", "ns.mcap", "--out", "out", "--ts-length", "0", "--robot-goal", "/tb3_0/plan"];
     let output = roscausal(dir.path(), &[&flags[..], &QUICK].concat());
     for line in ["transforms: /tb3_0/tf and /tb3_0/tf_static", "robot goal: /tb3_0/plan (nav_msgs/Path)"] {
-        assert!(said(&output).contains(line), "{}", said(&output));
+        assert!(stated(&output).contains(line), "{}", stated(&output));
     }
     let table = &csv_files(&dir.path().join("out/data_pool"))[0].1;
     let goals = table.lines().skip(10).filter_map(|row| row.split(',').nth(2)?.parse::<f64>().ok());
@@ -392,20 +398,24 @@ fn a_robot_in_a_namespace_has_the_transforms_of_its_namespace_and_its_goal_from_
 #[test]
 fn everybody_is_analysed_where_nobodys_goal_is_known() {
     let output = discovered(&["/robot_pose", "/people"], &["--person", "all"]);
-    assert!(output.status.success(), "{}", said(&output));
-    assert!(said(&output).contains("'h_dg' is empty for everybody and is not analysed"), "{}", said(&output));
+    assert!(output.status.success(), "{}", stated(&output));
+    assert!(
+        stated(&output).contains("'h_dg' is empty for everybody and is not analysed"),
+        "{}",
+        stated(&output)
+    );
 }
 
 #[test]
 fn particles_of_a_localisation_are_no_people() {
     let output = discovered(&["/robot_pose", "/particlecloud"], &[]);
     assert!(
-        !output.status.success() && said(&output).contains("nothing in it can be people"),
+        !output.status.success() && stated(&output).contains("nothing in it can be people"),
         "{}",
-        said(&output)
+        stated(&output)
     );
     let output = discovered(&["/robot_pose", "/particlecloud", "/people"], &[]);
-    assert!(said(&output).contains("people: /people (geometry_msgs/PoseArray)"), "{}", said(&output));
+    assert!(stated(&output).contains("people: /people (geometry_msgs/PoseArray)"), "{}", stated(&output));
 }
 
 #[test]
@@ -413,8 +423,8 @@ fn the_topics_of_a_foreign_recording_are_listed_with_rate_and_longest_gap() {
     let bag =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recordings/foreign/robot_localization/test2.bag");
     let output = roscausal(Path::new("."), &["topics", &bag.display().to_string()]);
-    assert!(output.status.success(), "{}", said(&output));
-    let text = said(&output);
+    assert!(output.status.success(), "{}", stated(&output));
+    let text = stated(&output);
     let line =
         text.lines().find(|line| line.starts_with("/jackal_velocity_controller/odom")).expect("its line");
     let cells: Vec<&str> = line.split_whitespace().collect();
@@ -426,14 +436,14 @@ fn the_topics_of_a_foreign_recording_are_listed_with_rate_and_longest_gap() {
 #[test]
 fn a_foreign_recording_without_people_is_refused_with_what_there_is() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recordings/foreign");
-    for (file, told) in [
+    for (file, reported) in [
         ("robot_localization/test2.bag", "nothing in it can be people"),
         ("leg_tracker/positive_2_extracted.bag", "nothing in it can be robot odometry"),
         ("inorbit_samples/fake_sensors_sample.bag", "/my_temperature (sensor_msgs/Temperature)"),
         ("rosbag2/talker.mcap", "/topic (std_msgs/String)"),
     ] {
         let output = roscausal(Path::new("."), &["discover", &folder.join(file).display().to_string()]);
-        assert!(output.status.code() == Some(1) && said(&output).contains(told), "{}", said(&output));
+        assert!(output.status.code() == Some(1) && stated(&output).contains(reported), "{}", stated(&output));
     }
 }
 
@@ -442,10 +452,10 @@ fn a_recording_without_a_role_is_pointed_to_signals_and_nothing_in_it_is_called_
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recordings/foreign");
     let bag = folder.join("inorbit_samples/fake_sensors_sample.bag").display().to_string();
     let output = roscausal(Path::new("."), &["discover", &bag]);
-    assert!(!said(&output).contains("not readable"), "{}", said(&output));
+    assert!(!stated(&output).contains("not readable"), "{}", stated(&output));
     let hint =
         "--signal 'v = /topic.field' reads any number of any topic (roscausal topics --signals lists them)";
-    assert!(said(&output).contains(hint), "{}", said(&output));
+    assert!(stated(&output).contains(hint), "{}", stated(&output));
 }
 
 #[test]
@@ -458,10 +468,10 @@ fn a_recording_that_was_broken_off_before_its_first_message_is_called_so_with_wh
     for file in ["cut.bag", "empty.bag"] {
         for more in [&[][..], &["--signal", "v = /odom.twist.twist.linear.x"]] {
             let output = roscausal(dir.path(), &[&["discover", file], more].concat());
-            assert!(output.status.code() == Some(1), "{}", said(&output));
-            let told = format!("{file}: it holds no messages; was it broken off? (");
-            assert!(said(&output).contains(&told), "{}", said(&output));
-            assert!(!said(&output).contains("robot odometry"), "{}", said(&output));
+            assert!(output.status.code() == Some(1), "{}", stated(&output));
+            let reported = format!("{file}: it holds no messages; was it broken off? (");
+            assert!(stated(&output).contains(&reported), "{}", stated(&output));
+            assert!(!stated(&output).contains("robot odometry"), "{}", stated(&output));
         }
     }
 }
@@ -484,24 +494,27 @@ fn of_fleet(flags: &[&str], column: &str) -> (Vec<f64>, String) {
     let is_it = |name: &str| name == column || name.starts_with(of) && name.ends_with(&format!("_{what}"));
     let Some(place) = lines.next().map(|header| header.split(',').position(is_it).expect("the column"))
     else {
-        return (Vec::new(), said(&output));
+        return (Vec::new(), stated(&output));
     };
-    (lines.filter_map(|row| row.split(',').nth(place)?.parse().ok()).collect(), said(&output))
+    (lines.filter_map(|row| row.split(',').nth(place)?.parse().ok()).collect(), stated(&output))
 }
 
 #[test]
 fn one_of_several_robots_is_chosen_by_its_name_with_all_its_topics() {
-    let (none, told) = of_fleet(&[], "r_y");
-    assert!(none.is_empty(), "{told}");
+    let (none, reported) = of_fleet(&[], "r_y");
+    assert!(none.is_empty(), "{reported}");
     for part in ["several topics can be robot odometry", "of the robots tb3_0, tb3_1", "--robot NAME"] {
-        assert!(told.contains(part), "{part}: {told}");
+        assert!(reported.contains(part), "{part}: {reported}");
     }
-    let (_, told) = of_fleet(&["--robot", "tb3_2"], "r_y");
-    assert!(told.contains("there is no robot 'tb3_2'") && told.contains("tb3_0, tb3_1"), "{told}");
+    let (_, reported) = of_fleet(&["--robot", "tb3_2"], "r_y");
+    assert!(
+        reported.contains("there is no robot 'tb3_2'") && reported.contains("tb3_0, tb3_1"),
+        "{reported}"
+    );
     for (robot, away) in [("tb3_0", 0.0), ("tb3_1", 2.5)] {
-        let (ys, told) = of_fleet(&["--robot", robot], "r_y");
+        let (ys, reported) = of_fleet(&["--robot", robot], "r_y");
         for line in [format!("robot odometry: /{robot}/odom "), format!("robot goal: /{robot}/goal_pose ")] {
-            assert!(told.contains(&line), "{line}: {told}");
+            assert!(reported.contains(&line), "{line}: {reported}");
         }
         let mean = ys.iter().sum::<f64>() / ys.len() as f64;
         assert!(ys.len() > 150 && (mean - away).abs() < 0.3, "{robot}: {mean} of {} rows", ys.len());
@@ -510,8 +523,8 @@ fn one_of_several_robots_is_chosen_by_its_name_with_all_its_topics() {
 
 #[test]
 fn other_robots_may_take_the_place_of_people() {
-    let (ys, told) = of_fleet(&["--robot", "tb3_0", "--people", "robots"], "h_y");
-    assert!(told.contains("people: /tb3_1/odom (nav_msgs/Odometry)"), "{told}");
+    let (ys, reported) = of_fleet(&["--robot", "tb3_0", "--people", "robots"], "h_y");
+    assert!(reported.contains("people: /tb3_1/odom (nav_msgs/Odometry)"), "{reported}");
     // It drives 2.5 m beside the robot.
     assert!(
         ys.len() > 150 && ys.iter().all(|y| (y - 2.5).abs() < 0.2),
@@ -519,17 +532,17 @@ fn other_robots_may_take_the_place_of_people() {
         ys.len(),
         ys.first()
     );
-    let told = discovered(&["/odom", "/tf", "/people"], &["--people", "robots"]);
-    assert!(said(&told).contains("there is no other robot"), "{}", said(&told));
+    let reported = discovered(&["/odom", "/tf", "/people"], &["--people", "robots"]);
+    assert!(stated(&reported).contains("there is no other robot"), "{}", stated(&reported));
 }
 
 #[test]
 fn a_fleet_that_is_only_in_tf_is_told_apart_by_the_names_of_its_frames() {
     let (dir, crowd) = (tempfile::tempdir().expect("a folder"), robots("crowd"));
     let run = |flags: &[&str]| {
-        said(&roscausal(dir.path(), &[&["discover", &crowd, "--drop-empty"], flags, &QUICK].concat()))
+        stated(&roscausal(dir.path(), &[&["discover", &crowd, "--drop-empty"], flags, &QUICK].concat()))
     };
     assert!(run(&[]).contains("TF has the robots tb3_0, tb3_1"), "{}", run(&[]));
-    let told = run(&["--robot", "tb3_1"]);
-    assert!(told.contains("robot: the place of tb3_1/base_link in map by TF"), "{told}");
+    let reported = run(&["--robot", "tb3_1"]);
+    assert!(reported.contains("robot: the place of tb3_1/base_link in map by TF"), "{reported}");
 }

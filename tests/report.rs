@@ -130,6 +130,7 @@ fn names_from_strangers_stay_text() {
     for field in ["method", "cond_ind_test", "status", "fdr"] {
         model[field] = HOSTILE[0].into();
     }
+    model["status"] = format!("partial: {}", HOSTILE[0]).into();
     model["warnings"] = vec![HOSTILE[1]].into();
     fs::write(dir.path().join("model.json"), model.to_string()).expect("writes");
     let html = report(dir.path(), &["model.json"]);
@@ -141,7 +142,7 @@ fn names_from_strangers_stay_text() {
     fs::write(dir.path().join("model.json"), model.to_string()).expect("writes");
     let out = roscausal(dir.path(), &["report", "model.json"]);
     assert!(
-        !out.status.success() && String::from_utf8_lossy(&out.stderr).contains("has the mark"),
+        !out.status.success() && String::from_utf8_lossy(&out.stderr).contains("is not a mark"),
         "{out:?}"
     );
 }
@@ -155,8 +156,8 @@ fn what_is_no_model_is_one_sentence() {
     let complaint = |json: Value, words: &str| {
         fs::write(dir.path().join("m.json"), json.to_string()).expect("writes");
         let out = roscausal(dir.path(), &["report", "m.json"]);
-        let said = String::from_utf8_lossy(&out.stderr).into_owned();
-        assert!(!out.status.success() && said.lines().count() == 1 && said.contains(words), "{said}");
+        let stated = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert!(!out.status.success() && stated.lines().count() == 1 && stated.contains(words), "{stated}");
     };
     let with = |field: &str, value: Value| {
         let mut model = model.clone();
@@ -196,8 +197,11 @@ fn a_file_of_others_is_not_overwritten_unless_told_to_and_an_earlier_result_may_
     for command in &commands {
         // It speaks of roscausal, but is none of its files.
         fs::write(at("mine"), "my thesis on roscausal 0.1").expect("writes");
-        let (code, told) = run(command);
-        assert!(code == Some(1) && told.contains("mine") && told.contains("--force"), "{command:?}: {told}");
+        let (code, reported) = run(command);
+        assert!(
+            code == Some(1) && reported.contains("mine") && reported.contains("--force"),
+            "{command:?}: {reported}"
+        );
         assert_eq!(fs::read(at("mine")).expect("reads"), b"my thesis on roscausal 0.1", "{command:?}");
     }
     // None has begun its work: nothing else was written.
@@ -220,12 +224,50 @@ fn a_recording_may_be_made_anew_but_not_over_the_one_that_is_read() {
     for (read, more) in [("run.mcap", None), (".", None), ("run.mcap", Some("--force"))] {
         let args: Vec<&str> = ["replay", read, "--record", "run.mcap"].into_iter().chain(more).collect();
         let out = roscausal(dir.path(), &args);
-        let told = String::from_utf8_lossy(&out.stderr).into_owned();
-        assert!(out.status.code() == Some(1) && told.contains("read at the same time"), "{told}");
+        let reported = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert!(out.status.code() == Some(1) && reported.contains("read at the same time"), "{reported}");
         assert_eq!(fs::read(&run).expect("reads"), before);
     }
     // A recording of ours gives way: what fails is the scenario.
     let out = roscausal(dir.path(), &["demo", "--scenario", "no_such.toml", "--record", "run.mcap"]);
-    let told = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert!(told.contains("no_such") && !told.contains("--force"), "{told}");
+    let reported = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(reported.contains("no_such") && !reported.contains("--force"), "{reported}");
+}
+
+#[test]
+fn a_folder_of_results_stands_for_its_model_and_show_writes_the_report() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), chain(["a", "b", "c"], 200)).expect("writes");
+    let run = |args: &[&str]| {
+        let out = roscausal(dir.path(), args);
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (out.status.code(), text(&out.stdout), text(&out.stderr))
+    };
+    assert_eq!(run(&[&["discover", "data.csv", "--out", "found"][..], &QUICK].concat()).0, Some(0));
+    let (of_folder, of_file) = (run(&["show", "found"]), run(&["show", "found/model.json"]));
+    assert_eq!((of_folder.0, &of_folder.1), (Some(0), &of_file.1));
+    for question in [
+        &["effect", "MODEL", "--data", "data.csv", "--cause", "a", "--effect", "b"][..],
+        &["whatif", "MODEL", "--data", "data.csv"],
+        &["compare", "MODEL", "found"],
+    ] {
+        let of = |model: &str| {
+            let args: Vec<&str> =
+                question.iter().map(|word| if *word == "MODEL" { model } else { word }).collect();
+            run(&args)
+        };
+        let (folder, file) = (of("found"), of("found/model.json"));
+        let plain = |text: &str| text.replace("found/model.json", "found");
+        assert_eq!((folder.0, folder.1.clone()), (Some(0), plain(&file.1)), "{question:?}: {folder:?}");
+    }
+    assert_eq!(run(&["show", "found", "--report", "a.html", "--latex", "a.tex"]).0, Some(0));
+    assert_eq!(run(&["report", "found", "-o", "b.html", "--latex", "b.tex"]).0, Some(0));
+    for ending in ["html", "tex"] {
+        let read = |name: &str| fs::read(dir.path().join(format!("{name}.{ending}"))).expect("is written");
+        assert!(read("a") == read("b") && !read("a").is_empty(), "{ending}");
+    }
+    let (code, _, stated) = run(&["show", "data.csv"]);
+    assert!(code == Some(1) && stated.contains("'roscausal discover' makes one"), "{stated}");
+    let (code, _, stated) = run(&["show", "."]);
+    assert!(code == Some(1) && stated.contains("there is no model here"), "{stated}");
 }

@@ -88,7 +88,7 @@ fn tables() -> TempDir {
     dir
 }
 
-fn said(output: &Output) -> String {
+fn stated(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
@@ -169,7 +169,7 @@ fn killed_at_any_moment(
     let begun = Instant::now();
     let whole = start.command(tables, new).output().expect("runs");
     let whole_run = begun.elapsed();
-    assert!(whole.status.success(), "{}", said(&whole));
+    assert!(whole.status.success(), "{}", stated(&whole));
     let runs = kills(usual);
     let (mut state, mut left) = (u64::from(runs) + 3, [0; 3]);
     for run in 0..runs {
@@ -180,8 +180,12 @@ fn killed_at_any_moment(
         child.wait().expect("ends");
         let swapping = real.join(HOME).join("new").exists();
         if swapping {
-            let told = roscausal(real, &["show", "model.json"]);
-            assert!(!told.status.success() && said(&told).contains("ended by force"), "{}", said(&told));
+            let reported = roscausal(real, &["show", "model.json"]);
+            assert!(
+                !reported.status.success() && stated(&reported).contains("ended by force"),
+                "{}",
+                stated(&reported)
+            );
             // It begins, and does nothing.
             assert!(!start.command(tables, &["missing.csv"]).status().expect("runs").success());
         }
@@ -304,11 +308,11 @@ fn so_it_is_on_a_mount_point() {
 
 /// The run failed with one sentence about the folder, and the old set is whole.
 fn failed_and_whole(output: &Output, out: &Path, old: &BTreeMap<String, Vec<u8>>, why: &str) {
-    let told = said(output);
-    assert_eq!(output.status.code(), Some(1), "{told}");
-    let error: Vec<&str> = told.lines().filter(|line| line.starts_with("error: ")).collect();
-    assert!(error.len() == 1 && told.contains(why) && !told.contains("panicked"), "{told}");
-    assert!(!error[0].contains(HOME), "it names the final place: {told}");
+    let reported = stated(output);
+    assert_eq!(output.status.code(), Some(1), "{reported}");
+    let error: Vec<&str> = reported.lines().filter(|line| line.starts_with("error: ")).collect();
+    assert!(error.len() == 1 && reported.contains(why) && !reported.contains("panicked"), "{reported}");
+    assert!(!error[0].contains(HOME), "it names the final place: {reported}");
     assert!(files(out) == *old, "{:?}", files(out).keys());
     assert_eq!(fs::read_dir(out.join(HOME)).expect("lists").count(), 1, "only the list stays");
 }
@@ -371,7 +375,7 @@ fn whatever_command_comes_next_leaves_nothing_of_the_one_before() {
     let dir = tables();
     let run = |args: &[&str], out: &str| {
         let output = roscausal(dir.path(), &[args, &["--out", out]].concat());
-        assert!(output.status.success(), "{args:?}: {}", said(&output));
+        assert!(output.status.success(), "{args:?}: {}", stated(&output));
     };
     let discover = |names: &[&'static str]| [&["discover"], names, &QUICK].concat();
     run(&discover(ONE), "one");
@@ -406,9 +410,9 @@ fn whatever_command_comes_next_leaves_nothing_of_the_one_before() {
     for args in [&["show", "one/model.json"][..], &["predict", "one/model.json", "--data", "one.csv"]] {
         let output = roscausal(dir.path(), &[args, &["--out", "one"]].concat());
         assert!(
-            output.status.code() == Some(1) && said(&output).contains("would replace it"),
+            output.status.code() == Some(1) && stated(&output).contains("would replace it"),
             "{}",
-            said(&output)
+            stated(&output)
         );
     }
 }
@@ -440,17 +444,17 @@ fn of_two_runs_on_one_folder_the_second_names_the_process_that_has_it() {
     until_held(&dir.path().join("out"), &mut first);
     for out in ["out", "./out/../out"] {
         let second = roscausal(dir.path(), &["show", "model/model.json", "--out", out]);
-        let told = said(&second);
-        assert_eq!((second.status.code(), told.lines().count()), (Some(1), 1), "{told}");
+        let reported = stated(&second);
+        assert_eq!((second.status.code(), reported.lines().count()), (Some(1), 1), "{reported}");
         assert!(
-            told.contains(&format!("process {} writes its results into this folder", first.id())),
-            "{told}"
+            reported.contains(&format!("process {} writes its results into this folder", first.id())),
+            "{reported}"
         );
     }
     first.kill().expect("is killed");
     first.wait().expect("ends");
     let second = roscausal(dir.path(), &["show", "model/model.json", "--out", "out"]);
-    assert!(second.status.success(), "{}", said(&second));
+    assert!(second.status.success(), "{}", stated(&second));
     assert!(dir.path().join("out/model.json").exists() && !dir.path().join("out/data_pool").exists());
 }
 
@@ -460,7 +464,7 @@ fn a_replay_that_ctrl_c_ends_keeps_what_it_has_and_a_killed_one_leaves_the_demo_
     let quick = ["--method", "pcmci", "--test", "parcorr", "--out", "out"];
     let demo =
         roscausal(dir.path(), &[&["demo", "--duration", "60", "--record", "run.mcap"], &quick[..]].concat());
-    assert!(demo.status.success(), "{}", said(&demo));
+    assert!(demo.status.success(), "{}", stated(&demo));
     let out = dir.path().join("out");
     let of_demo = files(&out);
     assert!(
@@ -511,13 +515,13 @@ fn a_replay_that_ctrl_c_ends_keeps_what_it_has_and_a_killed_one_leaves_the_demo_
     let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill is there");
     assert!(kill.success());
     let output = child.wait_with_output().expect("ends");
-    assert_eq!(output.status.code(), Some(130), "{}", said(&output));
-    assert!(said(&output).contains("out keeps batches and models so far"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(130), "{}", stated(&output));
+    assert!(stated(&output).contains("out keeps batches and models so far"), "{}", stated(&output));
     assert!(batches(&out.join("data_pool")) > 0 && !out.join("run.svg").exists());
     assert!(files(&out).iter().all(|(name, text)| of_demo.get(name) != Some(text)), "nothing of the demo");
 
     let output = start("max").wait_with_output().expect("ends");
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", stated(&output));
     let found = files(&out);
     assert!(
         found.contains_key("summary.json")

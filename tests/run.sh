@@ -28,7 +28,7 @@ lane() {
 
 computing=(tests/python.sh tests/gpdc_python.sh tests/recordings.sh tests/tcdf.sh tests/rustdds.sh tests/lint.sh)
 waiting=(tests/interop/ros2.sh tests/soak.sh)
-waiting_too=(tests/interop/ros1.sh tests/browser.sh tests/security.sh tests/safety.sh)
+waiting_too=(tests/interop/ros1.sh tests/docs.sh tests/browser.sh tests/security.sh tests/safety.sh)
 # A compiler waits for the disk now and then.
 export CARGO_BUILD_JOBS=$(($(nproc) + 1))
 

@@ -31,8 +31,10 @@ use roscausal_recording::{McapWriter, Topic};
 
 const QUICK: [&str; 4] = ["--method", "pcmci", "--test", "parcorr"];
 
-fn said(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+fn stated(output: &Output) -> String {
+    // A note goes on in indented lines.
+    let notes = String::from_utf8_lossy(&output.stdout).replace("\n  ", " ");
+    format!("{notes}{}", String::from_utf8_lossy(&output.stderr))
 }
 
 fn foreign(file: &str) -> String {
@@ -85,8 +87,8 @@ fn signals_of_another_projects_robot_become_a_table() {
         "turn = rate(/imu/data.orientation.yaw)",
     ];
     let (output, tables) = replayed(dir.path(), &bag, "out", &[&signals[..], &["--ts-length", "0"]].concat());
-    assert!(output.status.success(), "{}", said(&output));
-    assert!(said(&output).contains("only signals are read"), "{}", said(&output));
+    assert!(output.status.success(), "{}", stated(&output));
+    assert!(stated(&output).contains("only signals are read"), "{}", stated(&output));
     let table = &tables[0].1;
     assert!(table.starts_with("time,v,gyro,force,turn\n"), "{}", &table[..80]);
     assert!(table.lines().count() > 600, "{}", table.lines().count());
@@ -108,9 +110,9 @@ fn signals_of_another_projects_sensors_become_a_table() {
     let dir = tempfile::tempdir().expect("a folder");
     let bag = foreign("inorbit_samples/fake_sensors_sample.bag");
     let output = roscausal(dir.path(), &["topics", &bag, "--signals"]);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", stated(&output));
     let types = |output: &Output, name: &str| {
-        let text = said(output);
+        let text = stated(output);
         let line = text.lines().find(|line| line.split_whitespace().next() == Some(name));
         let line = line.unwrap_or_else(|| panic!("{name}: {text}"));
         line.split_whitespace().nth(1).expect("a type").to_owned()
@@ -122,7 +124,7 @@ fn signals_of_another_projects_sensors_become_a_table() {
         ("/my_magnetic_field.magnetic_field.x", "float64"),
         ("/my_magnetic_field.magnetic_field_covariance[*]", "float64[9]"),
     ] {
-        assert_eq!(types(&output, name), kind, "{}", said(&output));
+        assert_eq!(types(&output, name), kind, "{}", stated(&output));
     }
     let signals = [
         "--signal",
@@ -134,7 +136,7 @@ fn signals_of_another_projects_sensors_become_a_table() {
     ];
     // Both are constant, so no model comes of it; the table does.
     let (output, tables) = replayed(dir.path(), &bag, "out", &[&signals[..], &["--ts-length", "0"]].concat());
-    let table = &tables.first().unwrap_or_else(|| panic!("no table: {}", said(&output))).1;
+    let table = &tables.first().unwrap_or_else(|| panic!("no table: {}", stated(&output))).1;
     assert!(table.lines().count() > 180, "{}", table.lines().count());
     let time = 1_626_720_950.0;
     assert_eq!(at(table, time, "warm"), 41.0);
@@ -221,7 +223,7 @@ fn a_replay_of_signals_gives_what_the_node_records_to_the_byte() {
     let flags: Vec<&str> =
         SIGNALS.iter().flat_map(|text| ["--signal", text]).chain(["--ts-length", "5"]).collect();
     let (output, again) = replayed(dir.path(), "run.mcap", "again", &flags);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", stated(&output));
     assert_eq!(live, again);
     for name in ["v_cmd", "v", "lag", "accel"] {
         assert!(known(&again[1].1, name) > 0.99, "{name}");
@@ -242,8 +244,8 @@ fn mistakes_in_signals_name_what_there_is() {
         ("yaw = yaw(/odom.pose.pose.orientatoin)", "did you mean /odom.pose.pose.orientation"),
     ] {
         let output = roscausal(dir.path(), &["discover", "run.mcap", "--signal", signal]);
-        assert!(!output.status.success(), "{signal}: {}", said(&output));
-        assert!(said(&output).contains(says), "{signal}: {}", said(&output));
+        assert!(!output.status.success(), "{signal}: {}", stated(&output));
+        assert!(stated(&output).contains(says), "{signal}: {}", stated(&output));
     }
 }
 
@@ -254,13 +256,17 @@ fn a_signal_has_the_name_of_a_robots_column_where_only_signals_are_read_and_is_r
     recorded(dir.path().join("run.mcap"));
     let signal = ["--signal", "r_v = /odom.twist.twist.linear.x", "--ts-length", "0"];
     let (output, tables) = replayed(dir.path(), "run.mcap", "out", &signal);
-    assert!(!tables.is_empty(), "{}", said(&output));
-    assert!(tables[0].1.starts_with("time,r_v\n") && known(&tables[0].1, "r_v") > 0.99, "{}", said(&output));
+    assert!(!tables.is_empty(), "{}", stated(&output));
+    assert!(
+        tables[0].1.starts_with("time,r_v\n") && known(&tables[0].1, "r_v") > 0.99,
+        "{}",
+        stated(&output)
+    );
     let people = format!("{}/tests/recordings/people/people.bag", env!("CARGO_MANIFEST_DIR"));
     let output =
         roscausal(dir.path(), &["discover", &people, "--people", "/pedestrians", signal[0], signal[1]]);
-    let told = "--signal: 'r_v' is a column of the batch already";
-    assert!(!output.status.success() && said(&output).contains(told), "{}", said(&output));
+    let reported = "--signal: 'r_v' is a column of the batch already";
+    assert!(!output.status.success() && stated(&output).contains(reported), "{}", stated(&output));
 }
 
 const NAV2: [&str; 3] = [
@@ -299,7 +305,7 @@ fn a_replay_of_a_robot_under_nav2_gives_what_the_nodes_record_to_the_byte() {
     let same = ["--param", "robot.pose_topic=", "--param", "robot.source_frame=base_link"];
     let flags: Vec<&str> = flags.into_iter().chain(same).chain(signals).collect();
     let (output, again) = replayed(dir.path(), &recording, "again", &flags);
-    assert!(!again.is_empty(), "{}", said(&output));
+    assert!(!again.is_empty(), "{}", stated(&output));
     assert_eq!(live, again);
     for name in ["r_x", "r_gx", "left", "to_go", "v_cmd"] {
         assert!(known(&live[0].1, name) > 0.97, "{name}: {}", known(&live[0].1, name));

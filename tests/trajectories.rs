@@ -13,9 +13,9 @@ use serde_json::Value;
 fn model(dir: &Path, args: &[&str]) -> Result<Value, String> {
     let quick = ["--method", "pcmci", "--test", "parcorr"];
     let out = roscausal(dir, &[&["discover"], args, &quick].concat());
-    let told = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert!(!told.contains("panicked"), "{told}");
-    if out.status.success() { Ok(serde_json::from_slice(&out.stdout).expect("JSON")) } else { Err(told) }
+    let reported = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(!reported.contains("panicked"), "{reported}");
+    if out.status.success() { Ok(serde_json::from_slice(&out.stdout).expect("JSON")) } else { Err(reported) }
 }
 
 /// Ten people who slow down in front of a robot, as ETH ships them: frame, person, x, y.
@@ -42,23 +42,19 @@ fn people_of_a_crowd_data_set_become_recordings_with_the_nodes_variables() {
         model(dir.path(), &["walk.tsv", "--format", "trajectories,json", "--goal", "last"]).expect("a model");
     assert_eq!(found["features"], serde_json::json!(["h_v", "h_dg", "h_risk"]));
     assert_eq!((&found["n_recordings"], &found["dt"]), (&10.into(), &0.4.into()));
-    let told = found["warnings"].to_string();
-    assert!(told.contains("frames are taken as 25 per second") && told.contains("10 agents"), "{told}");
+    let reported = found["warnings"].to_string();
+    assert!(
+        reported.contains("frames are taken as 25 per second") && reported.contains("10 agents"),
+        "{reported}"
+    );
     let args =
         ["walk.tsv", "--format", "trajectories", "--format", "json", "--agent", "3", "--obstacle", "4"];
     let found = model(dir.path(), &args).expect("a model");
     assert_eq!(found["features"], serde_json::json!(["h_v", "h_risk"]));
     assert_eq!(found["n_recordings"], 1);
     let args = [
-        "walk.tsv",
-        "--format",
-        "trajectories,json",
-        "--agent",
-        "nearest:2",
-        "--feature",
-        "near = dist(h, r)",
-        "--obstacle",
-        "4",
+        "walk.tsv", "--format", "trajectories,json", "--agent", "nearest:2", "--feature",
+        "near = dist(h, r)", "--obstacle", "4",
     ];
     let found = model(dir.path(), &args).expect("a model");
     assert_eq!(found["features"], serde_json::json!(["h_v", "h_risk", "near"]));
@@ -83,15 +79,15 @@ fn who_stands_is_there_too_briefly_or_is_a_double_is_left_out_and_named() {
         model(dir.path(), &[&base[..], more].concat())
     };
     let found = with(&[]).expect("a model");
-    let told = found["warnings"].to_string();
-    assert_eq!(found["n_recordings"], 10, "{told}");
+    let reported = found["warnings"].to_string();
+    assert_eq!(found["n_recordings"], 10, "{reported}");
     for reason in [
         "stand still all the time: 42",
         "fewer than 6 rows: 51",
         "rows of another one: 31",
         "h_dg looks ahead",
     ] {
-        assert!(told.contains(reason), "{reason}: {told}");
+        assert!(reported.contains(reason), "{reason}: {reported}");
     }
     for (who, n) in [("!5", 9), ("2..4", 3), ("1,3..5", 4), ("!2..4,!7", 7)] {
         assert_eq!(with(&["--agent", who]).expect(who)["n_recordings"], n, "{who}");
@@ -117,8 +113,8 @@ fn ids_may_come_before_frames_and_a_flag_on_columns_without_names_is_heeded_or_r
     assert_eq!((&found["n_recordings"], &found["dt"]), (&10.into(), &0.4.into()));
     let named = with(&["--trajectory-columns", "id=1,frame=2,x=3,y=4"]).expect("by number");
     assert_eq!(named["val_matrix"], found["val_matrix"]);
-    let told = with(&["--trajectory-columns", "id=nonsense,x=alsonot"]).expect_err("no such columns");
-    assert!(told.contains("no column 'nonsense'"), "{told}");
+    let reported = with(&["--trajectory-columns", "id=nonsense,x=alsonot"]).expect_err("no such columns");
+    assert!(reported.contains("no column 'nonsense'"), "{reported}");
 }
 
 #[test]
@@ -128,8 +124,11 @@ fn a_longest_gap_that_is_no_length_of_time_is_refused() {
     for gap in ["nan", "0", "-1"] {
         let flag = format!("--max-gap={gap}");
         let args = ["walk.tsv", "--format", "trajectories,json", flag.as_str()];
-        let told = model(dir.path(), &args).expect_err(gap).to_lowercase();
-        assert!(told.contains(&format!("--max-gap: {gap} is not a number of seconds above 0")), "{told}");
+        let reported = model(dir.path(), &args).expect_err(gap).to_lowercase();
+        assert!(
+            reported.contains(&format!("--max-gap: {gap} is not a number of seconds above 0")),
+            "{reported}"
+        );
     }
 }
 
@@ -137,15 +136,15 @@ fn a_longest_gap_that_is_no_length_of_time_is_refused() {
 fn a_table_of_people_is_told_apart_from_one_of_numbers() {
     let dir = tempfile::tempdir().expect("a folder");
     fs::write(dir.path().join("walk.csv"), "time,id,x,y\n0,1,2,3\n0,2,2,3\n1,1,2,3\n").expect("writes");
-    let told = model(dir.path(), &["walk.csv"]).expect_err("it has several people");
-    assert!(told.contains("--format trajectories"), "{told}");
-    let told = model(dir.path(), &["walk.csv", "--agent", "1"]).expect_err("no trajectories");
-    assert!(told.contains("--format trajectories"), "{told}");
-    let told = model(dir.path(), &["walk.csv", "--format", "trajectories", "--person", "1"])
+    let reported = model(dir.path(), &["walk.csv"]).expect_err("it has several people");
+    assert!(reported.contains("--format trajectories"), "{reported}");
+    let reported = model(dir.path(), &["walk.csv", "--agent", "1"]).expect_err("no trajectories");
+    assert!(reported.contains("--format trajectories"), "{reported}");
+    let reported = model(dir.path(), &["walk.csv", "--format", "trajectories", "--person", "1"])
         .expect_err("for recordings");
-    assert!(told.contains("--agent"), "{told}");
-    let told = model(dir.path(), &["walk.csv", "--format", "text,json"]).expect_err("two");
-    assert!(told.contains("--format"), "{told}");
+    assert!(reported.contains("--agent"), "{reported}");
+    let reported = model(dir.path(), &["walk.csv", "--format", "text,json"]).expect_err("two");
+    assert!(reported.contains("--format"), "{reported}");
 }
 
 /// `speed` changes by what `force` was one step before.
@@ -178,9 +177,9 @@ fn variables_are_derived_from_the_columns_of_any_table() {
     let found = model(dir.path(), &args).expect("a model");
     assert_eq!(found["features"], serde_json::json!(["force", "acceleration", "late"]));
     assert_eq!(found["graph"][0][1][1], "-->", "{}", found["links"]);
-    let told = model(dir.path(), &["data.csv", "--columns", "force", "--feature", "a = rate(sped)"])
+    let reported = model(dir.path(), &["data.csv", "--columns", "force", "--feature", "a = rate(sped)"])
         .expect_err("unknown");
-    assert!(told.contains("--feature") && told.contains("sped"), "{told}");
+    assert!(reported.contains("--feature") && reported.contains("sped"), "{reported}");
 }
 
 #[test]
@@ -195,8 +194,8 @@ fn values_are_differenced_detrended_and_standardised_when_asked() {
         let found = model(dir.path(), &[&base[..], &[flag]].concat()).expect("a model");
         assert!(found["warnings"].to_string().contains("speed, force"), "{}", found["warnings"]);
     }
-    let told = model(dir.path(), &[&base[..], &["--detrend=sped"]].concat()).expect_err("unknown");
-    assert!(told.contains("--detrend") && told.contains("did you mean 'speed'?"), "{told}");
+    let reported = model(dir.path(), &[&base[..], &["--detrend=sped"]].concat()).expect_err("unknown");
+    assert!(reported.contains("--detrend") && reported.contains("did you mean 'speed'?"), "{reported}");
 }
 
 #[test]
@@ -206,7 +205,7 @@ fn numpy_files_give_the_model_of_the_csv_file() {
     let expected = read("plain.csv", &[]).expect("a model");
     assert_eq!(expected["graph"][0][1][1], "-->");
     for file in ["named.npz", "matrix.npz", "fields.npy"] {
-        let found = read(file, &[]).unwrap_or_else(|told| panic!("{file}: {told}"));
+        let found = read(file, &[]).unwrap_or_else(|reported| panic!("{file}: {reported}"));
         assert_eq!(found["features"], expected["features"], "{file}");
         assert_eq!(found["links"], expected["links"], "{file}");
         assert!((found["dt"].as_f64().expect("a step") - 0.25).abs() < 1e-9, "{file}");
@@ -225,10 +224,10 @@ fn a_program_without_parquet_and_arrow_says_so_and_the_way_out() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tables");
     for file in ["groups.parquet", "feather.arrow", "stream.arrows"] {
         for more in [&[][..], &["--format", "trajectories"]] {
-            let told = model(&folder, &[&[file], more].concat()).expect_err("not built in");
-            assert!(told.contains(file) && told.contains("built without them"), "{told}");
-            assert!(told.contains("pandas") && told.contains("--features columnar"), "{told}");
-            assert_eq!(told.trim().lines().count(), 1, "{told}");
+            let reported = model(&folder, &[&[file], more].concat()).expect_err("not built in");
+            assert!(reported.contains(file) && reported.contains("built without them"), "{reported}");
+            assert!(reported.contains("pandas") && reported.contains("--features columnar"), "{reported}");
+            assert_eq!(reported.trim().lines().count(), 1, "{reported}");
         }
     }
 }
@@ -241,8 +240,11 @@ fn a_damaged_numpy_file_is_one_sentence() {
         let whole = fs::read(folder.join(name)).expect("is there");
         for keep in [12, whole.len() / 3, whole.len() - 7] {
             fs::write(dir.path().join(name), &whole[..keep]).expect("writes");
-            let told = model(dir.path(), &[name]).expect_err("cut off");
-            assert!(told.contains(name) && told.trim().lines().count() == 1, "{name} {keep}: {told}");
+            let reported = model(dir.path(), &[name]).expect_err("cut off");
+            assert!(
+                reported.contains(name) && reported.trim().lines().count() == 1,
+                "{name} {keep}: {reported}"
+            );
         }
     }
 }

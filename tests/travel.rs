@@ -25,8 +25,10 @@ use roscausal_recording::{McapWriter, Recording};
 
 const QUICK: [&str; 4] = ["--method", "pcmci", "--test", "parcorr"];
 
-fn said(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+fn stated(output: &Output) -> String {
+    // A note goes on in indented lines.
+    let notes = String::from_utf8_lossy(&output.stdout).replace("\n  ", " ");
+    format!("{notes}{}", String::from_utf8_lossy(&output.stderr))
 }
 
 /// A folder with a live run of 30 s (`live/`) and its recording (`run.mcap`).
@@ -36,7 +38,7 @@ fn recorded() -> &'static Path {
         let dir = tempfile::tempdir().expect("a folder");
         let args = ["demo", "--seed", "3", "--duration", "30", "--out", "live", "--record", "run.mcap"];
         let output = roscausal(dir.path(), &[&args[..], &["--do", "robot.off@5..9"], &QUICK].concat());
-        assert!(output.status.success(), "{}", said(&output));
+        assert!(output.status.success(), "{}", stated(&output));
         dir
     };
     FOLDER.get_or_init(make).path()
@@ -241,7 +243,7 @@ fn watched(dir: &Path, line: &[&str]) -> (Output, Vec<String>) {
         .output()
         .expect("strace starts");
     let text = fs::read_to_string(&trace).expect("a trace");
-    assert!(text.contains("execve("), "strace saw nothing: {}", said(&output));
+    assert!(text.contains("execve("), "strace saw nothing: {}", stated(&output));
     let allowed = [out.display().to_string(), temporary.display().to_string(), "/dev/".to_owned()];
     let is_bad = |call: &&str| {
         let call = call.split_once(' ').map_or(*call, |(_, call)| call).trim_start();
@@ -287,8 +289,8 @@ fn nothing_that_is_read_runs_a_program_writes_elsewhere_or_opens_a_socket() {
     let before = traps.contents();
     for line in lines() {
         let (output, bad) = watched(dir.path(), &line);
-        assert!(bad.is_empty(), "{line:?}\n{bad:#?}\n{}", said(&output));
-        assert!(output.status.success(), "{line:?}: {}", said(&output));
+        assert!(bad.is_empty(), "{line:?}\n{bad:#?}\n{}", stated(&output));
+        assert!(output.status.success(), "{line:?}: {}", stated(&output));
         assert_eq!(traps.contents(), before, "{line:?}");
     }
 }
@@ -309,15 +311,15 @@ fn what_is_left_out_is_named_once_with_the_flag_that_says_it_on_purpose() {
         ),
     ] {
         let output = roscausal(dir.path(), &[&["discover", file], &QUICK[..]].concat());
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success(), "{told}");
+        let reported = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{reported}");
         for name in names {
-            let times = told.split([' ', ',', '\n']).collect::<Vec<_>>().join(" ").matches(name).count();
-            assert_eq!(times, 1, "{file}: {name}: {told}");
+            let times = reported.split([' ', ',', '\n']).collect::<Vec<_>>().join(" ").matches(name).count();
+            assert_eq!(times, 1, "{file}: {name}: {reported}");
         }
         let output = roscausal(dir.path(), &[&["discover", file, "--ignore-settings"], &QUICK[..]].concat());
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success() && !told.contains("came with the data"), "{told}");
+        let reported = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success() && !reported.contains("came with the data"), "{reported}");
     }
 }
 
@@ -327,15 +329,15 @@ fn three_parameters_beside_the_data_are_three() {
     fs::copy(recorded().join("run.mcap"), dir.path().join("run.mcap")).expect("copies");
     let settings = "[data]\nrisk_lag = 0\nrisk_noise = 0.0\nobs_size = 1.5\nrisk_model = 'v1_0'\n";
     fs::write(dir.path().join("roscausal.toml"), settings).expect("writes");
-    let told = |more: &[&str]| {
+    let reported = |more: &[&str]| {
         let output = roscausal(dir.path(), &[&["discover", "run.mcap"], &QUICK[..], more].concat());
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
-    let all = told(&[]);
+    let all = reported(&[]);
     for parameter in ["risk_lag=0", "risk_noise=0.0", "obs_size=1.5", "risk_model=v1_0"] {
         assert!(all.contains(&format!("--param=data.{parameter}")), "{all}");
     }
-    assert!(!told(&["--ignore-settings"]).contains("risk_lag"));
+    assert!(!reported(&["--ignore-settings"]).contains("risk_lag"));
 }
 
 #[test]
@@ -352,27 +354,30 @@ fn the_file_in_the_working_folder_is_the_users_own_unless_the_data_lie_there() {
             .env("XDG_CONFIG_HOME", dir.path().join("home"))
             .output()
             .expect("starts");
-        assert!(output.status.success(), "{}", said(&output));
+        assert!(output.status.success(), "{}", stated(&output));
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
     fs::write(data.join("data.csv"), table()).expect("writes");
     fs::write(work.join("sub/data.csv"), table()).expect("writes");
     fs::write(work.join("roscausal.toml"), "out = 'mine'\ntau-max = 2\n").expect("writes");
-    let told = run(&work, "../data/data.csv");
-    assert!(told.contains("settings of roscausal.toml: --out=mine --tau-max=2"), "{told}");
+    let reported = run(&work, "../data/data.csv");
+    assert!(reported.contains("settings of roscausal.toml: --out=mine --tau-max=2"), "{reported}");
     assert!(work.join("mine/model.json").exists());
     // The user's own file comes before the stranger's.
     fs::write(data.join("roscausal.toml"), "out = 'theirs'\ntau-max = 3\nalpha = 0.01\n").expect("writes");
-    let told = run(&work, "../data/data.csv");
-    assert!(told.contains("settings of ../data/roscausal.toml: --alpha=0.01\n"), "{told}");
-    assert!(told.contains("not used") && told.contains("--out"), "{told}");
+    let reported = run(&work, "../data/data.csv");
+    assert!(reported.contains("settings of ../data/roscausal.toml: --alpha=0.01\n"), "{reported}");
+    assert!(reported.contains("not used") && reported.contains("--out"), "{reported}");
     // Where both are the same folder, it is the stranger's; so it is where the data are a folder beside it.
     fs::remove_dir_all(work.join("mine")).expect("removes");
     fs::write(work.join("data.csv"), table()).expect("writes");
     for file in ["data.csv", "./data.csv", "../work/data.csv", "sub"] {
-        let told = run(&work, file);
-        assert!(!work.join("mine").exists(), "{file}: {told}");
-        assert!(told.contains("--tau-max=2") && told.contains("not about the data: --out"), "{file}: {told}");
+        let reported = run(&work, file);
+        assert!(!work.join("mine").exists(), "{file}: {reported}");
+        assert!(
+            reported.contains("--tau-max=2") && reported.contains("not about the data: --out"),
+            "{file}: {reported}"
+        );
     }
     // Data below the working folder, or above it, may be of one archive with its file: that may say where results go within the folder,
     // and nothing that runs, opens or replaces.
@@ -382,20 +387,20 @@ fn the_file_in_the_working_folder_is_the_users_own_unless_the_data_lie_there() {
     std::os::unix::fs::symlink("../data", work.join("elsewhere")).expect("links");
     std::os::unix::fs::symlink(&data, work.join("sub/elsewhere")).expect("links");
     for out in ["../victim", "sub/../../victim", "/tmp/victim", "elsewhere", "elsewhere/x/y"] {
-        let said =
+        let stated =
             "threads = 1\nforce = true\nparam = ['data.postprocess=script']\n[data]\npp_script = 'post.py'\n";
-        fs::write(work.join("roscausal.toml"), format!("out = '{out}'\n{said}")).expect("writes");
+        fs::write(work.join("roscausal.toml"), format!("out = '{out}'\n{stated}")).expect("writes");
         for (folder, file) in [(&work, "sub/data.csv"), (&work.join("sub"), "../data.csv")] {
             fs::copy(work.join("roscausal.toml"), work.join("sub/roscausal.toml")).expect("copies");
-            let told = run(folder, file);
+            let reported = run(folder, file);
             assert!(
-                told.contains("--threads=1") && !told.contains("settings of roscausal.toml: --out"),
-                "{told}"
+                reported.contains("--threads=1") && !reported.contains("settings of roscausal.toml: --out"),
+                "{reported}"
             );
             for left_out in ["--out", "--force", "data.pp_script", "data.postprocess"] {
                 assert!(
-                    told.split("not about the data").nth(1).is_some_and(|all| all.contains(left_out)),
-                    "{left_out}: {told}"
+                    reported.split("not about the data").nth(1).is_some_and(|all| all.contains(left_out)),
+                    "{left_out}: {reported}"
                 );
             }
         }
@@ -404,13 +409,13 @@ fn the_file_in_the_working_folder_is_the_users_own_unless_the_data_lie_there() {
     fs::remove_file(work.join("sub/roscausal.toml")).expect("removes");
     // Beside tables, what is said of recordings is passed over.
     fs::write(data.join("roscausal.toml"), "tau-max = 3\n[data]\nrisk_lag = 1\n").expect("writes");
-    let told = run(&data, "data.csv");
-    assert!(told.contains("not used for tables: --param data.risk_lag=1"), "{told}");
+    let reported = run(&data, "data.csv");
+    assert!(reported.contains("not used for tables: --param data.risk_lag=1"), "{reported}");
     // What is the user's everywhere comes last, and may do more.
     fs::write(dir.path().join("home/roscausal/roscausal.toml"), "tau-max = 4\nthreads = 1\n")
         .expect("writes");
-    let told = run(&data, "data.csv");
-    assert!(told.contains("roscausal/roscausal.toml: --threads=1\n"), "{told}");
+    let reported = run(&data, "data.csv");
+    assert!(reported.contains("roscausal/roscausal.toml: --threads=1\n"), "{reported}");
     assert!(!data.join("theirs").exists());
 }
 
@@ -442,7 +447,7 @@ fn pipes_and_devices_in_a_folder_are_no_data() {
             matches!(output.status.code(), Some(0..=2)),
             "{line:?}: {:?} {}",
             output.status,
-            said(&output)
+            stated(&output)
         );
     }
 }

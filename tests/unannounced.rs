@@ -65,7 +65,7 @@ fn record(dir: &Path, scenario: &Scenario, seed: u64, announced: bool) {
 }
 
 /// What the discovery node tells of the batches.
-fn told(dir: &Path) -> Vec<RecordedChange> {
+fn reported(dir: &Path) -> Vec<RecordedChange> {
     discover(dir, 1e5, 4);
     recorded_changes(&dir.join("models")).expect("reads")
 }
@@ -76,8 +76,8 @@ fn is_told(seed: u64) -> bool {
     let dir = tempfile::tempdir().expect("a folder");
     let (scenario, moment) = switched_off(seed);
     record(dir.path(), &scenario, seed, false);
-    let told = told(dir.path());
-    let first = told.iter().find(|change| change.event.status == Status::Confirmed);
+    let reported = reported(dir.path());
+    let first = reported.iter().find(|change| change.event.status == Status::Confirmed);
     // The recording begins within the first seconds.
     let last = ((moment / BATCH_S).floor() + 3.0) * BATCH_S + 5.0;
     let right = first.is_some_and(|change| {
@@ -92,7 +92,8 @@ fn is_told(seed: u64) -> bool {
 #[test]
 fn a_robot_that_is_switched_off_without_a_word_is_told_as_a_change_of_the_risk_within_three_batches() {
     let runs: Vec<_> = (1..=4).map(|seed| thread::spawn(move || is_told(seed))).collect();
-    let right = runs.into_iter().map(|run| run.join().expect("no panic")).filter(|told| *told).count();
+    let right =
+        runs.into_iter().map(|run| run.join().expect("no panic")).filter(|reported| *reported).count();
     assert!(right >= 3, "of 4: {right}");
 }
 
@@ -101,7 +102,7 @@ fn a_robot_that_is_switched_off_with_an_announcement_is_no_change() {
     let dir = tempfile::tempdir().expect("a folder");
     let (scenario, moment) = switched_off(1);
     record(dir.path(), &scenario, 1, true);
-    let after: Vec<RecordedChange> = told(dir.path())
+    let after: Vec<RecordedChange> = reported(dir.path())
         .into_iter()
         .filter(|change| change.event.status == Status::Confirmed && change.told > moment)
         .collect();

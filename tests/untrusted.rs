@@ -38,11 +38,11 @@ fn folder() -> (TempDir, Value) {
 /// Runs the command, which is to refuse its input, and gives what it says.
 fn refused(dir: &Path, args: &[&str]) -> String {
     let out = roscausal(dir, args);
-    let said = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert!(matches!(out.status.code(), Some(1 | 2)), "{args:?}: {said}");
-    assert_eq!(said.lines().count(), 1, "{args:?}: {said}");
-    assert!(said.len() < 1000 && !said.contains("panicked"), "{args:?}: {said}");
-    said
+    let stated = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(matches!(out.status.code(), Some(1 | 2)), "{args:?}: {stated}");
+    assert_eq!(stated.lines().count(), 1, "{args:?}: {stated}");
+    assert!(stated.len() < 1000 && !stated.contains("panicked"), "{args:?}: {stated}");
+    stated
 }
 
 #[test]
@@ -64,7 +64,7 @@ fn every_command_checks_a_model_and_says_the_same() {
         model[field] = value;
         model.to_string()
     };
-    for (told, text) in [
+    for (reported, text) in [
         ("this program reads 'roscausal/model/2'", with("schema", json!("roscausal/model/3"))),
         ("1000000000 is above 100000", with("tau_max", json!(1_000_000_000))),
         ("expected a whole number from 0 on", with("tau_max", json!(-1))),
@@ -76,22 +76,13 @@ fn every_command_checks_a_model_and_says_the_same() {
     ] {
         fs::write(dir.join("m.json"), text).expect("writes");
         for command in commands {
-            let said = refused(dir, command);
-            assert!(said.contains(told) && said.contains("m.json"), "{command:?}: {said}");
+            let stated = refused(dir, command);
+            assert!(stated.contains(reported) && stated.contains("m.json"), "{command:?}: {stated}");
         }
     }
     // Models of other variables and lags can still be compared.
     let args = [
-        "discover",
-        "ok.csv",
-        "--columns",
-        "a,b",
-        "--tau-max",
-        "3",
-        "--method",
-        "pcmci",
-        "--test",
-        "parcorr",
+        "discover", "ok.csv", "--columns", "a,b", "--tau-max", "3", "--method", "pcmci", "--test", "parcorr",
     ];
     assert!(roscausal(dir, &[&args[..], &["--out", "two"]].concat()).status.success());
     let out = roscausal(dir, &["compare", "o/model.json", "two/model.json", "--out", "differences"]);
@@ -106,15 +97,15 @@ fn a_report_checks_the_evidence_beside_a_model() {
     let (dir, _) = folder();
     let evidence = dir.path().join("o/evidence.json");
     fs::write(&evidence, "{\"schema\": \"roscausal/evidence/2\"}").expect("writes");
-    let said = refused(dir.path(), &["report", "o/model.json"]);
-    assert!(said.contains("evidence.json") && said.contains("'roscausal/evidence/1'"), "{said}");
+    let stated = refused(dir.path(), &["report", "o/model.json"]);
+    assert!(stated.contains("evidence.json") && stated.contains("'roscausal/evidence/1'"), "{stated}");
 }
 
 #[test]
 fn a_graph_of_a_person_is_checked_as_a_model_is() {
     let (dir, _) = folder();
     let ab = r#"{"cause": "a", "effect": "b", "lag": 1}"#;
-    for (told, graph) in [
+    for (reported, graph) in [
         ("there twice", format!("{{\"links\": [{ab}, {ab}]}}")),
         ("has no name", r#"{"links": [{"cause": "", "effect": "b", "lag": 1}]}"#.to_owned()),
         ("there twice", format!("{{\"variables\": [\"a\", \"b\", \"a\"], \"links\": [{ab}]}}")),
@@ -129,8 +120,8 @@ fn a_graph_of_a_person_is_checked_as_a_model_is() {
         ("nests deeper than 64", format!("{{\"links\": {}", "[".repeat(100_000))),
     ] {
         fs::write(dir.path().join("g.json"), &graph).expect("writes");
-        let said = refused(dir.path(), &["effect", "g.json", "--data", "ok.csv", "--cause", "a", "--effect", "b"]);
-        assert!(said.contains(told) && said.contains("g.json"), "{graph}: {said}");
+        let stated = refused(dir.path(), &["effect", "g.json", "--data", "ok.csv", "--cause", "a", "--effect", "b"]);
+        assert!(stated.contains(reported) && stated.contains("g.json"), "{graph}: {stated}");
     }
 }
 
@@ -180,17 +171,17 @@ fn knowledge_that_cannot_be_is_refused_with_its_lines_at_once() {
         ("larger than 1 MB", no, "# \n".repeat(1 << 20), no),
         ("not text", no, String::new(), no),
     ];
-    for (told, where_, text, flags) in cases {
-        let bytes = if told == "not text" { vec![0xff; 9] } else { text.clone().into_bytes() };
+    for (reported, where_, text, flags) in cases {
+        let bytes = if reported == "not text" { vec![0xff; 9] } else { text.clone().into_bytes() };
         fs::write(dir.join("links.toml"), bytes).expect("writes");
         let method = if flags.contains(&"0") { "pcmciplus" } else { "pcmci" };
         let start = ["discover", "ok.csv", "--method", method, "--test", "parcorr", "--links", "links.toml"];
         let began = Instant::now();
-        let said = refused(dir, &[&start[..], flags].concat());
+        let stated = refused(dir, &[&start[..], flags].concat());
         let shown = text.get(..200).unwrap_or(&text);
-        let names_it = said.contains("links.toml") || said.contains("--links");
-        assert!(said.contains(told) && names_it, "{shown}: {said}");
-        assert!(where_.iter().all(|word| said.contains(word)), "{shown}: {said}");
+        let names_it = stated.contains("links.toml") || stated.contains("--links");
+        assert!(stated.contains(reported) && names_it, "{shown}: {stated}");
+        assert!(where_.iter().all(|word| stated.contains(word)), "{shown}: {stated}");
         assert!(began.elapsed() < Duration::from_secs(5), "{shown}: {:?}", began.elapsed());
     }
 }

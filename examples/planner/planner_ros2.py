@@ -7,6 +7,7 @@ import time
 
 import rclpy
 import roscausal_msgs.msg as msgs
+from nav2_msgs.msg import SpeedLimit
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from roscausal_msgs.srv import WhatIf
@@ -24,7 +25,7 @@ class Planner(Node):
         super().__init__("planner")
         self.variable = self.declare_parameter("variable", "r_v").value
         self.cost = self.declare_parameter("cost", ["h_risk=1.0", "r_v=-0.2"]).value
-        self.limits = self.create_publisher(Float64, "/speed_limit", 1)
+        self.limits = self.create_publisher(SpeedLimit, "/speed_limit", 1)
         # For robots that take a factor of their own top speed, such as the simulator's; 0: none.
         self.own_speed = self.declare_parameter("own_speed", 0.0).value
         self.factors = self.create_publisher(Float64, "twist_mux/scaling_factor", 1) if self.own_speed > 0 else None
@@ -51,7 +52,7 @@ class Planner(Node):
 
     def take(self, answer):
         speed, why = choice(answer)
-        self.limits.publish(Float64(data=speed))
+        self.limits.publish(SpeedLimit(speed_limit=speed))
         if self.factors:
             self.factors.publish(Float64(data=speed / self.own_speed))
         if speed != self.said:

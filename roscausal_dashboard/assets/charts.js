@@ -11,9 +11,9 @@ const STALE_S = 10;
 const EVERY_S = 0.1;
 /** In the order of the server's rows, after the time. */
 export const VARIABLES = [
-  ["h_v", "speed of the person", "m/s"], ["h_dg", "her distance to goal", "m"], ["h_risk", "her risk", ""],
+  ["h_v", "speed of the person", "m/s"], ["h_dg", "their distance to goal", "m"], ["h_risk", "their risk", ""],
   ["distance", "person to robot", "m"], ["h_x", "person, east", "m"], ["h_y", "person, north", "m"],
-  ["h_theta", "her heading", "rad"], ["r_v", "speed of the robot", "m/s"], ["r_dg", "its distance to goal", "m"],
+  ["h_theta", "their heading", "rad"], ["r_v", "speed of the robot", "m/s"], ["r_dg", "its distance to goal", "m"],
   ["r_x", "robot, east", "m"], ["r_y", "robot, north", "m"], ["r_theta", "its heading", "rad"],
 ].map(([key, name, unit], i) => ({ key, name, unit, column: i + 1 }));
 const FIRST = ["h_v", "h_dg", "h_risk"];

@@ -21,8 +21,9 @@ export const known = () => models;
 
 export function addEvidence(data) {
   evidence.delete(data.batch);
-  evidence.set(data.batch, data.evidence);
+  evidence.set(data.batch, { ...data.evidence, conclusion: data.conclusion ?? [] });
   if (evidence.size > MOST_EVIDENCE) evidence.delete(evidence.keys().next().value);
+  if (models[shown]?.batch === data.batch) showConclusion(data.batch);
 }
 
 /** How a model differs from the one before it. */
@@ -44,10 +45,16 @@ export function addModel(model) {
   showModel();
 }
 
+function showConclusion(batch) {
+  const sentences = evidence.get(batch)?.conclusion ?? [];
+  $("conclusion").replaceChildren(...sentences.map((one) => make("li", one)));
+}
+
 function showModel() {
   const [model, before] = [models[shown], models[shown - 1]];
   if (!model) return;
   drawModel(model, before);
+  showConclusion(model.batch);
   $("model-title").textContent = `Model ${model.number}, ${clock(model.t)}: ${model.method.toUpperCase()} with ${model.test.toUpperCase()}, ${model.level_name} ${model.level ?? "chosen by a score"}, ${model.samples} samples from ${model.batch}`;
   const slider = $("history");
   slider.min = 1;

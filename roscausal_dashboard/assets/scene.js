@@ -148,7 +148,7 @@ export class Scene {
     set(known.label, "font-size", String(0.6 * this.unit));
   }
 
-  /** The elements of a person, for as long as she is there. */
+  /** The elements of a person, for as long as the person is there. */
   somebody(id) {
     const r = 0.3;
     const group = element("g", { class: "someone" }, this.crowd);

@@ -156,16 +156,8 @@ mod tests {
     #[test]
     fn only_names_of_this_machine_are_this_machine() {
         for host in [
-            "localhost",
-            "localhost:8321",
-            "LocalHost:8321",
-            "127.0.0.1",
-            "127.0.0.1:8321",
-            "127.8.9.1",
-            "[::1]",
-            "[::1]:80",
-            "[0:0:0:0:0:0:0:1]:80",
-            "[::ffff:127.0.0.1]:80",
+            "localhost", "localhost:8321", "LocalHost:8321", "127.0.0.1", "127.0.0.1:8321", "127.8.9.1",
+            "[::1]", "[::1]:80", "[0:0:0:0:0:0:0:1]:80", "[::ffff:127.0.0.1]:80",
         ] {
             assert!(is_this_machine(host), "{host}");
         }

@@ -84,36 +84,19 @@ pub fn run<M: Middleware>(mw: &M) -> Result<()> {
 pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) -> Result<()> {
     let inbox = Inbox::detached(mw, INBOX);
     let qos = Qos::Volatile(100);
-    let send = inbox.sender();
-    let _robot = mw.subscribe(&options.robot_topic()?, qos, move |m| send.send(Event::Robot(m)))?;
-    let send = inbox.sender();
-    let _humans = mw.subscribe("/roscausal/humans", qos, move |m| send.send(Event::Humans(m)))?;
-    let send = inbox.sender();
-    let _health = mw.subscribe("/diagnostics", qos, move |m| send.send(Event::Diagnostics(m)))?;
-    let send = inbox.sender();
-    let model = move |m| send.send(Event::Model(Box::new(m)));
-    let _models = mw.subscribe("/roscausal/causal_model_info", Qos::Latched, model)?;
-
-    let send = inbox.sender();
-    let evidence = move |m| send.send(Event::Evidence(m));
-    let _evidence = mw.subscribe(EVIDENCE_TOPIC, Qos::Latched, evidence)?;
-    let send = inbox.sender();
-    let changes = move |m| send.send(Event::Changes(m));
-    let _changes = mw.subscribe(CHANGES_TOPIC, Qos::Latched, changes)?;
-
+    let _robot = inbox.subscribe(mw, &options.robot_topic()?, qos, Event::Robot)?;
+    let _humans = inbox.subscribe(mw, "roscausal/humans", qos, Event::Humans)?;
+    let _health = inbox.subscribe(mw, "/diagnostics", qos, Event::Diagnostics)?;
+    let model = |info| Event::Model(Box::new(info));
+    let _models = inbox.subscribe(mw, "roscausal/causal_model_info", Qos::Latched, model)?;
+    let _evidence = inbox.subscribe(mw, EVIDENCE_TOPIC, Qos::Latched, Event::Evidence)?;
+    let _changes = inbox.subscribe(mw, CHANGES_TOPIC, Qos::Latched, Event::Changes)?;
     let few = Qos::Volatile(10);
-    let send = inbox.sender();
-    let _features = mw.subscribe(FEATURES_TOPIC, few, move |m| send.send(Event::Features(m)))?;
-    let send = inbox.sender();
-    let _predictions = mw.subscribe(PREDICTION_TOPIC, few, move |m| send.send(Event::Prediction(m)))?;
-
+    let _features = inbox.subscribe(mw, FEATURES_TOPIC, few, Event::Features)?;
+    let _predictions = inbox.subscribe(mw, PREDICTION_TOPIC, few, Event::Prediction)?;
     // Both exist only where somebody tells them, as the simulator does.
-    let send = inbox.sender();
-    let walls = move |m| send.send(Event::Walls(m));
-    let _walls = mw.subscribe("/pedsim_simulator/simulated_walls", Qos::Latched, walls)?;
-    let send = inbox.sender();
-    let interventions = move |m| send.send(Event::Interventions(m));
-    let _interventions = mw.subscribe("/hri/interventions", Qos::Latched, interventions)?;
+    let _walls = inbox.subscribe(mw, "/pedsim_simulator/simulated_walls", Qos::Latched, Event::Walls)?;
+    let _interventions = inbox.subscribe(mw, "/hri/interventions", Qos::Latched, Event::Interventions)?;
 
     let hub = server.hub();
     hub.history().show(options.clone());

@@ -77,7 +77,7 @@ fn answered<M: Middleware>(mw: &M, hub: &Hub, question: &Question) -> Json {
 
 /// A status by its name in docs/reasoning.md.
 fn status(number: u8) -> &'static str {
-    let names = ["OK", "NOT_SUPPORTED", "AMBIGUOUS", "NO_MODEL", "NO_DATA", "BAD_REQUEST"];
+    let names = ["OK", "NOT_SUPPORTED", "AMBIGUOUS", "NO_MODEL", "NO_DATA", "BAD_REQUEST", "LATE"];
     names.get(usize::from(number)).copied().unwrap_or("NO_ANSWER")
 }
 

@@ -6,7 +6,7 @@ use roscausal_core::{
     Time,
     nodes::{SceneOptions, model_messages::model_of},
 };
-use roscausal_discovery::{Link, Model};
+use roscausal_discovery::{Link, LinkMark, Model};
 use roscausal_msgs::{
     CausalModelInfo, Humans, ModelChange, ModelChanges, RobotState,
     diagnostic_msgs::{DiagnosticArray, DiagnosticStatus},
@@ -27,6 +27,7 @@ const MOST_WALLS: usize = 2_000;
 const MOST_COLUMNS: usize = 100;
 
 /// The state of the page.
+#[derive(Default)]
 pub(crate) struct World {
     view: SceneOptions,
     robot: Option<RobotState>,
@@ -48,20 +49,7 @@ pub(crate) struct World {
 
 impl World {
     pub(crate) fn new(view: SceneOptions) -> Self {
-        Self {
-            view,
-            robot: None,
-            humans: Humans::default(),
-            imposed: BTreeMap::new(),
-            walls: String::new(),
-            nodes: BTreeMap::new(),
-            models: 0,
-            stages: BTreeSet::new(),
-            batches: 0,
-            time: Time::ZERO,
-            scene_changed: false,
-            status_changed: false,
-        }
+        Self { view, ..Self::default() }
     }
 
     pub(crate) fn robot(&mut self, state: RobotState, hub: &Hub) {
@@ -234,7 +222,7 @@ impl World {
 fn model_json(number: u64, info: &CausalModelInfo, model: &Model) -> Json {
     let link = |link: &Link| {
         // What the arrow of a cause does not say.
-        let words = (link.mark != "-->").then(|| link.sentence());
+        let words = (link.mark != LinkMark::Forward).then(|| link.sentence());
         json!({
             "words": words,
             "cause": link.cause,
@@ -318,7 +306,7 @@ mod tests {
 
     #[test]
     fn a_model_tells_the_level_that_decided_on_its_links() {
-        let told = |method: &str, pc_alpha| {
+        let reported = |method: &str, pc_alpha| {
             let info = CausalModelInfo {
                 method: method.into(),
                 alpha: 0.05,
@@ -328,12 +316,12 @@ mod tests {
             let json = model_json(1, &info, &model_of(&info));
             (json["level_name"].as_str().map(str::to_owned), json["level"].as_f64())
         };
-        assert_eq!(told("pcmci", 0.2), (Some("alpha".to_owned()), Some(0.05)));
-        assert_eq!(told("lpcmci", 0.01), (Some("pc_alpha".to_owned()), Some(0.01)));
+        assert_eq!(reported("pcmci", 0.2), (Some("alpha".to_owned()), Some(0.05)));
+        assert_eq!(reported("lpcmci", 0.01), (Some("pc_alpha".to_owned()), Some(0.01)));
         // Equal levels are not mixed up; 0 stands for a choice by score.
-        assert_eq!(told("pcmciplus", 0.05), (Some("pc_alpha".to_owned()), Some(0.05)));
-        assert_eq!(told("pcmciplus", 0.0), (Some("pc_alpha".to_owned()), None));
-        assert_eq!(told("somebody's own", 0.2), (Some("alpha".to_owned()), Some(0.05)));
+        assert_eq!(reported("pcmciplus", 0.05), (Some("pc_alpha".to_owned()), Some(0.05)));
+        assert_eq!(reported("pcmciplus", 0.0), (Some("pc_alpha".to_owned()), None));
+        assert_eq!(reported("somebody's own", 0.2), (Some("alpha".to_owned()), Some(0.05)));
     }
 
     #[test]
@@ -354,12 +342,15 @@ mod tests {
         for value in ["[]", "[0.2]", "[0.2]", "[]", "no JSON"] {
             world.interventions(&text(value), &hub);
         }
-        let told: Vec<Json> =
+        let reported: Vec<Json> =
             hub.join().0.iter().map(|frame| serde_json::from_str(&frame.data).unwrap()).collect();
         let on = |json: &Json| (json["name"].as_str().map(str::to_owned), json["on"].as_bool());
         let name = || Some("do_robot_speed".to_owned());
-        assert_eq!(told.iter().map(on).collect::<Vec<_>>(), [(name(), Some(true)), (name(), Some(false))]);
-        assert!(told[0]["text"].as_str().unwrap().contains("= 0.2 begins"));
+        assert_eq!(
+            reported.iter().map(on).collect::<Vec<_>>(),
+            [(name(), Some(true)), (name(), Some(false))]
+        );
+        assert!(reported[0]["text"].as_str().unwrap().contains("= 0.2 begins"));
     }
 
     #[test]
@@ -431,10 +422,10 @@ mod tests {
         for message in [status(0, "running", 0), status(1, "no messages", 0), status(1, "no messages", 1)] {
             world.diagnostics(message, &hub);
         }
-        let said: Vec<String> = hub.join().0.iter().map(|frame| frame.data.to_string()).collect();
+        let stated: Vec<String> = hub.join().0.iter().map(|frame| frame.data.to_string()).collect();
         assert!(
-            said.len() == 2 && said[0].contains("data: no messages") && said[1].contains("batch 1"),
-            "{said:?}"
+            stated.len() == 2 && stated[0].contains("data: no messages") && stated[1].contains("batch 1"),
+            "{stated:?}"
         );
     }
 }

@@ -26,10 +26,8 @@ pub(crate) fn open_file(path: &Path, losses: &mut Vec<String>) -> Result<Box<dyn
             return Err(Error::file(path, other_version(magic)));
         }
         [] => {
-            return Err(Error::file(
-                path,
-                "the file is empty; was the recording or its download broken off?",
-            ));
+            let reason = "the file is empty; was the recording or its download broken off?";
+            return Err(Error::file(path, reason));
         }
         first => {
             let reason = "this is not a recording: a ROS 1 bag, an MCAP file or a ROS 2 .db3 file is needed";

@@ -37,7 +37,7 @@ struct Names {
 
 impl Names {
     /// A sentence that names the user's file.
-    fn told(&self, sentence: &str) -> String {
+    fn reported(&self, sentence: &str) -> String {
         sentence.replace(&self.temporary, &self.users)
     }
 }
@@ -68,10 +68,10 @@ impl Unpacked {
             return Err(Error::file(path, "it is compressed twice; unpack it with 'unzstd'"));
         }
         let source = open(file.path(), losses).map_err(|error| match error {
-            Error::File { reason, .. } => Error::file(path, names.told(&reason)),
+            Error::File { reason, .. } => Error::file(path, names.reported(&reason)),
             other => other,
         })?;
-        losses[first..].iter_mut().for_each(|loss| *loss = names.told(loss));
+        losses[first..].iter_mut().for_each(|loss| *loss = names.reported(loss));
         Ok(Self { source, names, _file: file })
     }
 }
@@ -129,7 +129,7 @@ impl Source for Unpacked {
     }
 
     fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> std::result::Result<(), String> {
-        self.source.load(wanted, out).map_err(|loss| self.names.told(&loss))
+        self.source.load(wanted, out).map_err(|loss| self.names.reported(&loss))
     }
 
     fn counts(&self) -> Vec<Option<u64>> {

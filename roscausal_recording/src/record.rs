@@ -138,15 +138,8 @@ impl<M: Middleware> Listen<'_, M> {
 
 /// Last parts of the names of latched topics.
 const LATCHED: [&str; 9] = [
-    "tf_static",
-    "causal_model",
-    "causal_model_info",
-    "causal_evidence",
-    "model_changes",
-    "structural_model",
-    "dag",
-    "tsdag",
-    "robot_description",
+    "tf_static", "causal_model", "causal_model_info", "causal_evidence", "model_changes", "structural_model",
+    "dag", "tsdag", "robot_description",
 ];
 
 impl<M: Middleware> TypeVisitor for Listen<'_, M> {

@@ -133,11 +133,8 @@ impl Topic {
             return Err(fail(format!("the recording has {}, not {}", self.type_name, M::type_name())));
         }
         if let Some(md5) = self.md5.as_ref().filter(|md5| *md5 != M::ros1_md5()) {
-            return Err(fail(format!(
-                "the recording's {} has other fields (md5 {md5}, not {})",
-                self.type_name,
-                M::ros1_md5()
-            )));
+            let (name, own) = (&self.type_name, M::ros1_md5());
+            return Err(fail(format!("the recording's {name} has other fields (md5 {md5}, not {own})")));
         }
         let decoded = match &self.encoding {
             Encoding::Ros1 => ros1::from_bytes(bytes).map(|(message, _)| message),

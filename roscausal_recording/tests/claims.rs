@@ -117,7 +117,7 @@ fn chunks_that_claim_or_grow_too_much_are_left_out() {
     let bombs = vec![(&packed[..], &b"bz2"[..], size); 40];
     let records = [schema(b"string data\n"), channel(0), message(&sized(&vec![0; 20_000_000]))].concat();
     let honest = [schema(b"string data\n"), channel(0), message(&sized(b"hello"))].concat();
-    for (name, told, file) in [
+    for (name, reported, file) in [
         ("a bag's chunk of 2 GB", "no valid size", bag(&[(&packed, b"bz2", 1 << 31)])),
         ("a bag's chunk of 1 GB", "no valid size", bag(&[(&packed, b"bz2", 1 << 30)])),
         ("chunks of a bag", "no valid size", bag(&bombs)),
@@ -129,7 +129,7 @@ fn chunks_that_claim_or_grow_too_much_are_left_out() {
         ),
     ] {
         let (count, losses, held) = read(&path, &file, u64::MAX);
-        assert!(losses.contains(told), "{name}: {losses}");
+        assert!(losses.contains(reported), "{name}: {losses}");
         assert!(count < 20 && held < 2 * FREE as usize, "{name}: {count} messages, {held} bytes");
         assert!(file.len() < 200_000, "{name}: {} bytes", file.len());
     }

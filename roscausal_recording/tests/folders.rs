@@ -138,9 +138,9 @@ fn told_runs(path: &Path) -> Vec<i32> {
         assert_eq!(odometry.pose.pose.position.y, f64::from(record.lap));
         odometry.pose.pose.position.y as i32
     };
-    let told = recording.by_ref().map(run).collect();
+    let reported = recording.by_ref().map(run).collect();
     assert_eq!(recording.losses(), &[] as &[String]);
-    told
+    reported
 }
 
 #[test]

@@ -54,12 +54,7 @@ fn read(path: &Path) {
 #[test]
 fn a_hostile_bag_is_refused_or_read_as_far_as_it_is_whole() {
     let tokens: [&[u8]; 7] = [
-        b"op=\x05",
-        b"conn=",
-        b"time=",
-        b"chunk_pos=",
-        b"size=\xff\xff\xff\xff",
-        b"compression=",
+        b"op=\x05", b"conn=", b"time=", b"chunk_pos=", b"size=\xff\xff\xff\xff", b"compression=",
         b"\xff\xff\xff\xff",
     ];
     run("bag", &["plain.bag"], &tokens, 64);

@@ -20,21 +20,9 @@ use roscausal_recording::{Encoding, Record, Recording};
 const BEGIN: i64 = 1_700_000_000_000_000_000;
 const STEP: i64 = 100_000_000;
 const FILES: [&str; 15] = [
-    "plain.bag",
-    "lz4.bag",
-    "bz2.bag",
-    "ros2_db3",
-    "ros2_mcap",
-    "ros2_db3_by_file",
-    "ros2_mcap_by_file",
-    "ros2_db3_by_message",
-    "ros2_mcap_by_message",
-    "ros1_zstd.mcap",
-    "ros2_lz4.mcap",
-    "ros2_plain.mcap",
-    "unchunked.mcap",
-    "ros1_support.mcap",
-    "ros2_support.mcap",
+    "plain.bag", "lz4.bag", "bz2.bag", "ros2_db3", "ros2_mcap", "ros2_db3_by_file", "ros2_mcap_by_file",
+    "ros2_db3_by_message", "ros2_mcap_by_message", "ros1_zstd.mcap", "ros2_lz4.mcap", "ros2_plain.mcap",
+    "unchunked.mcap", "ros1_support.mcap", "ros2_support.mcap",
 ];
 
 /// Written by ROS 1's own rosbag, if it is installed.

@@ -16,6 +16,7 @@ const ALL: &str = "all";
 
 /// Flags that change the values.
 #[derive(ClapArgs, Clone, Debug, Default)]
+#[command(next_help_heading = "Data")]
 pub(crate) struct ChangeArgs {
     /// Analyse the change since the row before instead of the value: of all variables, or of those named (`--difference=a,b`).
     #[arg(long, value_name = "COLUMNS", num_args = 0..=1, require_equals = true, default_missing_value = ALL, value_delimiter = ',')]
@@ -60,7 +61,7 @@ impl ChangeArgs {
                 "each recording has mean 0 and standard deviation 1 of",
             ),
         ];
-        for (flag, wanted, change, told) in steps {
+        for (flag, wanted, change, reported) in steps {
             let columns = chosen(flag, wanted, data.data.var_names())?;
             if columns.is_empty() {
                 continue;
@@ -74,7 +75,7 @@ impl ChangeArgs {
             let names: Vec<String> =
                 columns.iter().map(|&column| plain(&data.data.var_names()[column])).collect();
             data.data = data.data.with_recordings(recordings)?;
-            data.warnings.push(format!("{told} {}", names.join(", ")));
+            data.warnings.push(format!("{reported} {}", names.join(", ")));
         }
         Ok(())
     }
@@ -92,7 +93,9 @@ fn rows_of(text: &str, dt: Option<f64>, shortest: usize) -> Result<usize> {
     let rows = if unit.is_empty() {
         number
     } else {
-        let unit: Unit = unit.parse().map_err(fault)?;
+        let allowed =
+            || fault(format!("'{unit}' is not a unit of time; allowed: {}", Unit::NAMES.join(", ")));
+        let unit: Unit = unit.parse().map_err(|_| allowed())?;
         let dt =
             dt.ok_or_else(|| fault("the step between rows is not known; give the period in rows".into()))?;
         number / unit.per_second() / dt
@@ -114,13 +117,18 @@ fn chosen(flag: &str, wanted: &[String], names: &[String]) -> Result<Vec<usize>>
     if wanted.iter().any(|name| name == ALL) {
         return Ok((0..names.len()).collect());
     }
-    let place = |name: &String| {
-        position(names, name).ok_or_else(|| {
-            let hint = nearest(names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-            Error::param(flag, format!("there is no column '{name}'; {hint}columns: {}", names.join(", ")))
-        })
-    };
-    wanted.iter().map(place).collect()
+    wanted.iter().map(|name| column(flag, name, names)).collect()
+}
+
+/// The place of the column `name` that a flag names.
+///
+/// # Errors
+/// There is none.
+pub(super) fn column(flag: &str, name: &str, names: &[String]) -> Result<usize> {
+    position(names, name).ok_or_else(|| {
+        let hint = nearest(names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+        Error::param(flag, format!("there is no column '{name}'; {hint}columns: {}", names.join(", ")))
+    })
 }
 
 fn difference(mut column: ArrayViewMut1<'_, f64>) {
@@ -194,7 +202,7 @@ mod tests {
         for (text, dt, rows) in [("24", None, 24), ("24h", Some(3600.0), 24), ("1.5 min", Some(0.5), 180)] {
             assert_eq!(rows_of(text, dt, 1000).expect(text), rows);
         }
-        for (text, dt, told) in [
+        for (text, dt, reported) in [
             ("day", Some(1.0), "is not a period"),
             ("-3", None, "is not a period"),
             ("1e999", None, "not a unit"),
@@ -203,7 +211,7 @@ mod tests {
             ("2.5", None, "whole rows"),
             ("400", None, "three periods"),
         ] {
-            assert!(rows_of(text, dt, 1000).expect_err(text).to_string().contains(told), "{text}");
+            assert!(rows_of(text, dt, 1000).expect_err(text).to_string().contains(reported), "{text}");
         }
     }
 

@@ -31,8 +31,8 @@ pub(super) fn check(
     let available = Memory::of(means.max_bytes()).bytes() as f64;
     let longest = if means.time_budget.is_some() { f64::INFINITY } else { LONGEST_S };
     if effort.bytes <= available && seconds <= longest {
-        let told = format!("this will take about {}, with {}", duration(seconds), size(effort.bytes));
-        return Ok((seconds > WORTH_TELLING_S).then_some(told));
+        let reported = format!("this will take about {}, with {}", duration(seconds), size(effort.bytes));
+        return Ok((seconds > WORTH_TELLING_S).then_some(reported));
     }
     let once = 1.0 + resampling.map_or(0.0, part_of_resamples);
     let most = Effort::most_samples(data.n_vars(), settings, available, longest * threads as f64 / once);

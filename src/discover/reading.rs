@@ -13,13 +13,24 @@ use roscausal_core::{
 };
 use roscausal_discovery::{
     DataFrame, Named,
-    names::{nearest, plain, position},
+    names::{plain, position},
 };
 
-use super::{Data, Input, aside::aside, changes::ChangeArgs, condition::Condition};
+use crate::flags;
+
+use super::{
+    Data, Input,
+    aside::aside,
+    changes::{ChangeArgs, column},
+    condition::Condition,
+};
+
+/// A column that only chooses rows, and the flag that names it.
+pub(super) type Needed<'a> = (&'a str, &'static str);
 
 /// Flags that say how tables are read.
 #[derive(ClapArgs, Clone, Debug, Default)]
+#[command(next_help_heading = "Data")]
 pub(crate) struct ReadArgs {
     /// Columns to analyse, separated by commas: names, patterns (`h_*`), ranges (`h_v..h_risk`), `!name` to leave out. Default:
     /// all except the time.
@@ -51,10 +62,10 @@ pub(crate) struct ReadArgs {
     #[arg(long, value_name = "COLUMN", value_delimiter = ',')]
     keep: Vec<String>,
     /// Table: unit of the times: s, ms, us, ns, min, h. Default: by the column's name (`time_ms`), or the size of the numbers.
-    #[arg(long, value_name = "UNIT")]
+    #[arg(long, value_name = "UNIT", value_parser = flags::word::<Unit>)]
     time_unit: Option<Unit>,
     /// Table: with --dt, what a row holds: last (sample), mean (since the row before), linear (interpolated).
-    #[arg(long, value_name = "HOW")]
+    #[arg(long, value_name = "HOW", value_parser = flags::word::<Resample>)]
     resample: Option<Resample>,
     /// Table: a longer step ends a recording, seconds. Default: five steps.
     #[arg(long, value_name = "SECONDS")]
@@ -104,8 +115,7 @@ impl ReadArgs {
 
     /// The definitions of `--feature` as a parameter of the data node, which makes them beside the paper's three.
     pub(super) fn as_parameter(&self) -> Option<String> {
-        const USUAL: &str = "h_v = h.v; h_dg = dist(h, h.goal); h_risk = risk(h, r)";
-        (!self.features.is_empty()).then(|| format!("data.features={USUAL}; {}", self.features.join("; ")))
+        (!self.features.is_empty()).then(|| format!("data.features={}", self.features.join("; ")))
     }
 
     /// The definitions of `--feature`.
@@ -128,7 +138,7 @@ impl ReadArgs {
         &self,
         files: &[Input],
         dt: Option<f64>,
-        besides: &[&str],
+        besides: &[Needed<'_>],
         max_memory: Option<u64>,
     ) -> Result<Vec<(Input, Table)>> {
         if let (Some(_), None, false) = (self.resample, dt, self.join) {
@@ -153,7 +163,8 @@ impl ReadArgs {
             ));
         }
         let mut reading = Reading {
-            columns: self.wanted(&derived, besides),
+            columns: self.wanted(&derived),
+            needs: self.needs(&derived, besides),
             missing: self.missing()?,
             encode: self.encode.is_some(),
             time_unit: self.time_unit,
@@ -176,11 +187,6 @@ impl ReadArgs {
             }
             return self.joined(files, dt, &reading, &derived, besides);
         }
-        let needed = Derived::needed(&derived);
-        let of_a_feature =
-            |reason: &str| needed.iter().any(|name| reason.contains(&format!("no column '{name}'")));
-        let of_a_mask =
-            |reason: &str| besides.iter().any(|name| reason.contains(&format!("no column '{name}'")));
         let mut tables: Vec<(Input, Table)> = Vec::new();
         for file in files {
             let steps = Steps {
@@ -195,8 +201,6 @@ impl ReadArgs {
                 Error::Param { reason, .. } if !first => {
                     Error::file(&file.user, format!("it lacks a column of the first file: {reason}"))
                 }
-                Error::Param { reason, .. } if of_a_feature(&reason) => Error::param("feature", reason),
-                Error::Param { reason, .. } if of_a_mask(&reason) => Error::param("where and --mask", reason),
                 other => other,
             })?;
             let mut parts = vec![(file.clone(), table)];
@@ -239,7 +243,7 @@ impl ReadArgs {
         dt: Option<f64>,
         reading: &Reading,
         derived: &[Derived],
-        besides: &[&str],
+        besides: &[Needed<'_>],
     ) -> Result<Vec<(Input, Table)>> {
         let all = Reading { columns: None, ..reading.clone() };
         let read = |file: &Input| Ok((file.user.clone(), Table::read_as(&file.table, &all)?));
@@ -266,20 +270,22 @@ impl ReadArgs {
         Ok(even.into_iter().map(|table| (input.clone(), table)).collect())
     }
 
-    /// The columns to read: those that are wanted, and those that the definitions and `besides` need. A variable that is defined
-    /// may be wanted, too.
-    fn wanted(&self, derived: &[Derived], besides: &[&str]) -> Option<Vec<String>> {
-        let is_derived = |name: &str| derived.iter().any(|derived| plain(derived.name()) == plain(name));
-        let wanted = self.columns.as_ref()?.iter().filter(|name| !is_derived(name)).cloned();
-        let needed = Derived::needed(derived).iter().map(|name| format!("+{name}")).collect::<Vec<_>>();
-        let besides = besides.iter().copied().chain(self.recording.as_deref());
-        let besides = besides.filter(|name| !is_derived(name)).map(|name| format!("+{name}"));
-        Some(wanted.chain(needed).chain(besides).collect())
+    /// The columns of the table that are wanted: a variable that is defined may be, too.
+    fn wanted(&self, derived: &[Derived]) -> Option<Vec<String>> {
+        Some(self.columns.as_ref()?.iter().filter(|name| !is_derived(derived, name)).cloned().collect())
+    }
+
+    /// The columns that the definitions, `besides` and the recording of a row need, and the setting of each.
+    fn needs(&self, derived: &[Derived], besides: &[Needed<'_>]) -> Vec<(String, &'static str)> {
+        let of_features = Derived::needed(derived).into_iter().map(|name| (name, "feature"));
+        let recording = self.recording.as_deref().map(|name| (name, "recording"));
+        let others = besides.iter().copied().chain(recording).filter(|(name, _)| !is_derived(derived, name));
+        of_features.chain(others.map(|(name, setting)| (name.to_owned(), setting))).collect()
     }
 
     /// What is kept of the columns: those that are wanted, all variables that are defined, and for now those that choose rows.
-    fn with_derived(&self, derived: &[Derived], besides: &[&str]) -> Option<Vec<String>> {
-        let names = derived.iter().map(Derived::name).chain(besides.iter().copied());
+    fn with_derived(&self, derived: &[Derived], besides: &[Needed<'_>]) -> Option<Vec<String>> {
+        let names = derived.iter().map(Derived::name).chain(besides.iter().map(|(name, _)| *name));
         Some(self.columns.clone()?.into_iter().chain(names.map(|name| format!("+{name}"))).collect())
     }
 
@@ -317,7 +323,9 @@ fn same_columns(table: &mut Table, file: &Input, known: &Table, first: &Input) -
         .into_iter()
         .filter(|(_, names)| !names.is_empty())
         .map(|(file, names)| format!("only {} has {names}", file.user.display()));
-    let Some(told) = only.next().map(|one| only.fold(one, |told, other| format!("{told}, {other}"))) else {
+    let Some(reported) =
+        only.next().map(|one| only.fold(one, |reported, other| format!("{reported}, {other}")))
+    else {
         return table.keep(&known.names);
     };
     let common = named(&known.names, &|name| is_in(table, name));
@@ -325,11 +333,12 @@ fn same_columns(table: &mut Table, file: &Input, known: &Table, first: &Input) -
         true => "analyse them apart".to_owned(),
         false => format!("{} {common} analyses what both have", Named("columns")),
     };
-    Err(Error::file(&file.user, format!("recordings of one system need the same columns: {told}; {way}")))
+    Err(Error::file(&file.user, format!("recordings of one system need the same columns: {reported}; {way}")))
 }
 
 /// Flags that choose a part of the data.
 #[derive(ClapArgs, Clone, Debug, Default)]
+#[command(next_help_heading = "Data")]
 pub(crate) struct PartArgs {
     /// Leave out columns without any number, such as the distance to a goal where no goal was recorded.
     #[arg(long)]
@@ -367,6 +376,11 @@ impl FromStr for Rows {
             _ => Err("give FROM..TO with FROM at least 1 and at most TO, such as 1..5000".into()),
         }
     }
+}
+
+/// Whether a variable is defined.
+fn is_derived(derived: &[Derived], name: &str) -> bool {
+    derived.iter().any(|derived| plain(derived.name()) == plain(name))
 }
 
 impl PartArgs {
@@ -423,13 +437,11 @@ impl PartArgs {
         data.leave_out(&empty, "without any number")?;
         Ok(data)
     }
-}
 
-impl PartArgs {
     /// The columns that choose rows.
-    pub(super) fn columns(&self) -> Vec<&str> {
-        let of_condition = self.condition.iter().flat_map(Condition::columns);
-        self.mask.as_deref().into_iter().chain(of_condition).collect()
+    pub(super) fn columns(&self) -> Vec<Needed<'_>> {
+        let of_condition = self.condition.iter().flat_map(Condition::columns).map(|name| (name, "where"));
+        self.mask.as_deref().map(|name| (name, "mask")).into_iter().chain(of_condition).collect()
     }
 
     /// Which rows are not effects, for each recording; the column that says so is taken out of `data`, and so is what is none of the
@@ -439,21 +451,11 @@ impl PartArgs {
             return Ok(None);
         }
         let names = data.data.var_names().to_vec();
-        let column = |flag: &str, name: &str| {
-            position(&names, name).ok_or_else(|| {
-                let hint =
-                    nearest(&names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-                Error::param(
-                    flag,
-                    format!("there is no column '{name}'; {hint}columns: {}", names.join(", ")),
-                )
-            })
-        };
-        let by = self.mask.as_deref().map(|name| column("mask", name)).transpose()?;
+        let by = self.mask.as_deref().map(|name| column("mask", name, &names)).transpose()?;
         let condition = self
             .condition
             .as_ref()
-            .map(|condition| condition.on(|name| column("where", name)))
+            .map(|condition| condition.on(|name| column("where", name, &names)))
             .transpose()?;
         let is_masked = |row: ArrayView1<'_, f64>| {
             by.is_some_and(|by| row[by] != 0.0) || condition.as_ref().is_some_and(|condition| !condition(row))

@@ -10,7 +10,10 @@ use roscausal_discovery::{
     settings::Group,
 };
 
-use crate::settings::{Given, of_groups};
+use crate::{
+    report::Detail,
+    settings::{Given, of_groups},
+};
 
 /// Whether the report says how much longer to record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -55,18 +58,21 @@ impl ResampleArgs {
 
 /// What `discover` does with the resamples.
 #[derive(ClapArgs, Clone)]
+#[command(next_help_heading = "Confidence")]
 pub(crate) struct ResultArgs {
     /// File for the graphs of the resamples, one JSON object on each line.
     #[arg(long, value_name = "FILE", requires = "resamples")]
     pub(crate) resample_out: Option<PathBuf>,
-    /// Whether to say how much longer to record until a link that is not settled would show.
+    #[command(flatten)]
+    pub(crate) detail: Detail,
+    /// Whether to say what to do next, such as how much longer to record.
     #[arg(long, value_enum, default_value = "on", num_args = 0..=1, require_equals = true, default_missing_value = "on")]
     pub(crate) advice: Advised,
 }
 
 impl Default for ResultArgs {
     fn default() -> Self {
-        Self { resample_out: None, advice: Advised::On }
+        Self { resample_out: None, detail: Detail::default(), advice: Advised::On }
     }
 }
 

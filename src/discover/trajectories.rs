@@ -13,13 +13,14 @@ use roscausal_core::{
 use roscausal_discovery::Named;
 
 use super::{Args, Data, Input};
-use crate::recording::parameter;
+use crate::{flags, recording::parameter};
 
 /// Everybody, one recording each.
 const EVERYBODY: &str = "all";
 
 /// Flags for tables of trajectories.
 #[derive(ClapArgs, Clone, Debug, Default)]
+#[command(next_help_heading = "People")]
 pub(crate) struct TrajectoryArgs {
     /// Trajectories: who is analysed: an id or name, several (`3,7`), a range (`3..7`), all but some (`!5`), `nearest:N` (to the
     /// obstacle), or `all` (each agent is a recording of one system). Default: all.
@@ -37,7 +38,7 @@ pub(crate) struct TrajectoryArgs {
     #[arg(long, value_name = "HZ")]
     frame_rate: Option<f64>,
     /// Trajectories: unit of the positions: m, cm, mm, ft. Default: by the speeds that follow from it.
-    #[arg(long, value_name = "UNIT")]
+    #[arg(long, value_name = "UNIT", value_parser = flags::word::<PositionUnit>)]
     position_unit: Option<PositionUnit>,
     /// Trajectories: columns with unusual names, such as `id=ped,time=ts,x=px`, or without any, by number from 1. Roles: id, time, frame, x, y, vx, vy, speed, heading,
     /// gx, gy, kind.
@@ -70,7 +71,7 @@ impl TrajectoryArgs {
                 "trajectories are pooled: each agent is a recording of one system",
             ));
         }
-        if let Some(flag) = args.read.of_lines() {
+        if let Some(flag) = args.how.read.of_lines() {
             return Err(Error::param(
                 flag,
                 format!("of trajectories, {} says which column is what", Named("trajectory_columns")),
@@ -81,24 +82,24 @@ impl TrajectoryArgs {
             frame_rate: self.frame_rate,
             unit: self.position_unit,
             columns: self.columns()?,
-            missing: args.read.missing()?,
+            missing: args.how.read.missing()?,
             last_is_goal: self.goal.is_some(),
-            max_memory: args.means.max_bytes(),
+            max_memory: args.how.means.max_bytes(),
         };
         let choice = TrajectoryChoice {
             who: self.agent.clone().unwrap_or_else(|| EVERYBODY.to_owned()),
             obstacle: self.obstacle.clone(),
-            dt: args.inputs.dt(),
-            max_gap: args.read.max_gap(),
+            dt: args.how.inputs.dt(),
+            max_gap: args.how.read.max_gap(),
             // A few samples more than the lags take.
-            least_rows: args.method.tau_max().saturating_mul(2).saturating_add(4),
+            least_rows: args.how.method.tau_max().saturating_mul(2).saturating_add(4),
         };
         let (mut tables, mut warnings) = (Vec::new(), Vec::new());
         for (number, file) in args.files.iter().enumerate() {
             let found = walks(file, &reading, &choice, &postprocess)?;
             warnings.extend(found.notes.iter().map(|note| format!("{}: {note}", file.display())));
             for (place, (agent, mut table)) in found.tables.into_iter().enumerate() {
-                if let Some(columns) = args.read.columns() {
+                if let Some(columns) = args.how.read.columns() {
                     table.keep(columns)?;
                 }
                 let user = file.with_file_name(format!(
@@ -116,7 +117,7 @@ impl TrajectoryArgs {
     /// The data node's parameters: those of `--param`, and the features.
     fn parameters(&self, args: &Args) -> Result<Vec<(String, Value)>> {
         let mut given = Vec::new();
-        for text in args.inputs.params().into_iter().chain(args.read.as_parameter()) {
+        for text in args.how.inputs.params().into_iter().chain(args.how.read.as_parameter()) {
             let (node, name, value) = parameter(&text)?;
             if node != "data" {
                 return Err(Error::param(

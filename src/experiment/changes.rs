@@ -19,6 +19,7 @@ use roscausal_discovery::{
 use roscausal_hrisim::{Intervention, Scenario, Simulation};
 
 use super::{
+    grid::within,
     recordings,
     runner::{Runner, end},
     runs,
@@ -74,7 +75,7 @@ pub(super) struct Args {
 }
 
 /// What one run tells.
-struct Told {
+struct Reported {
     seed: u64,
     /// Moment of the action and of the end, in seconds of the recording.
     action: Option<f64>,
@@ -89,23 +90,17 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     args.check()?;
     let seeds = args.runner.seeds()?;
     let results = args.runner.begin(interrupt)?;
-    let told = args.runner.each(&seeds, "runs", |seed| args.one(&scenario, seed, interrupt))?;
-    let files = [("changes.csv", args.csv(&told))];
-    end(&args.runner.out, results, None, &files, &format!("{}\n", args.text(&told)))
+    let reported = args.runner.each(&seeds, "runs", |seed| args.one(&scenario, seed, interrupt))?;
+    let files = [("changes.csv", args.csv(&reported))];
+    end(&args.runner.out, results, None, &files, &format!("{}\n", args.text(&reported)))
 }
 
 impl Args {
     fn check(&self) -> Result<()> {
-        let within = |name: &str, value: f64, low: f64, high: f64| match (low..=high).contains(&value) {
-            true => Ok(()),
-            false => {
-                Err(Error::param(name, format!("{value} is not a number of seconds from {low} to {high}")))
-            }
-        };
-        within("dt", self.dt, 0.04, 10.0)?;
-        within("ts-length", self.ts_length, 20.0, 100_000.0)?;
-        within("before", self.before, 2.0 * self.ts_length, 1e6)?;
-        within("after", self.after, if self.action.is_some() { self.ts_length } else { 0.0 }, 1e6)?;
+        within("dt", &[self.dt], (0.04, 10.0))?;
+        within("ts-length", &[self.ts_length], (20.0, 100_000.0))?;
+        within("before", &[self.before], (2.0 * self.ts_length, 1e6))?;
+        within("after", &[self.after], (if self.action.is_some() { self.ts_length } else { 0.0 }, 1e6))?;
         if let Some(action) = self.action.as_ref().filter(|action| action.contains('@')) {
             let reason = format!("'{action}' has a time; --before says when the action begins");
             return Err(Error::param("do", reason));
@@ -134,7 +129,7 @@ impl Args {
         Err(Error::param("waiting", reason))
     }
 
-    fn one(&self, scenario: &Scenario, seed: u64, interrupt: &Interrupt) -> Result<Told> {
+    fn one(&self, scenario: &Scenario, seed: u64, interrupt: &Interrupt) -> Result<Reported> {
         let mut scenario = scenario.clone();
         let action = match &self.action {
             None => None,
@@ -154,7 +149,7 @@ impl Args {
         let batches = recordings::cut(&recording, rows, count);
         let events = self.events(&batches, seed, interrupt)?;
         let second = |event: &ChangeEvent| event.time as f64 * self.dt;
-        Ok(Told {
+        Ok(Reported {
             seed,
             action: action.map(|moment| moment - begins),
             end: (rows * count) as f64 * self.dt,
@@ -197,7 +192,7 @@ impl Args {
             });
             let size = if self.change_rows == 0 { batch.n_rows() } else { self.change_rows };
             let size = size.max(detector.fewest_rows());
-            events.extend(detector.read_in_parts(table.view(), size, &control)?);
+            events.extend(detector.read_in_parts(table.view(), &[], size, &control)?);
         }
         events.retain(|event| event.status == Status::Confirmed);
         Ok(events)
@@ -208,8 +203,8 @@ impl Args {
         (second / self.ts_length - 1e-9).floor()
     }
 
-    fn text(&self, told: &[Told]) -> String {
-        let runs = told.len();
+    fn text(&self, reported: &[Reported]) -> String {
+        let runs = reported.len();
         let mut text = match (&self.action, self.announced) {
             (None, _) => format!("{}, unchanged", self.scenario),
             (Some(action), true) => format!("{}, {action} announced", self.scenario),
@@ -219,49 +214,47 @@ impl Args {
             write!(text, ", {runs} runs, batches of {} s at {} s, {}:", self.ts_length, self.dt, self.test);
         if self.action.is_some() {
             // Batches after the one that begins last before the action: that one is the first.
-            let firsts: Vec<(f64, &Told)> = (told.iter())
-                .filter_map(|told| {
-                    let action = told.action?;
-                    Some((told.events.iter().find(|(_, at)| *at > action)?.1, told))
+            let firsts: Vec<(f64, &Reported)> = (reported.iter())
+                .filter_map(|reported| {
+                    let action = reported.action?;
+                    Some((reported.events.iter().find(|(_, at)| *at > action)?.1, reported))
                 })
                 .collect();
-            let in_batches = |(at, told): &(f64, &Told)| {
-                self.batch(*at) - self.batch(told.action.unwrap_or_default()) + 1.0
+            let in_batches = |(at, reported): &(f64, &Reported)| {
+                self.batch(*at) - self.batch(reported.action.unwrap_or_default()) + 1.0
             };
             let soon = firsts.iter().filter(|first| in_batches(first) <= 3.0).count();
             let mut delays: Vec<f64> =
-                firsts.iter().map(|(at, told)| at - told.action.unwrap_or_default()).collect();
+                firsts.iter().map(|(at, reported)| at - reported.action.unwrap_or_default()).collect();
             delays.sort_by(f64::total_cmp);
             let _ =
                 write!(text, "\n  told in {} of {runs} runs, in {soon} within three batches", firsts.len());
             if let Some(median) = delays.get(delays.len() / 2) {
                 let _ = write!(text, "; median delay {median:.0} s");
             }
-            let risk = |(at, told): &&(f64, &Told)| {
-                let of = |(event, told): &&(ChangeEvent, f64)| {
-                    told == at && [&event.cause, &event.effect].iter().any(|name| *name == runs::NAMES[2])
+            let risk = |(at, reported): &&(f64, &Reported)| {
+                let of = |(event, reported): &&(ChangeEvent, f64)| {
+                    reported == at && [&event.cause, &event.effect].iter().any(|name| *name == runs::NAMES[2])
                 };
-                told.events.iter().any(|event| of(&event))
+                reported.events.iter().any(|event| of(&event))
             };
-            let _ = write!(
-                text,
-                "; the first events name a link of {} in {}",
-                runs::NAMES[2],
-                firsts.iter().filter(risk).count()
-            );
+            let (risk, count) = (runs::NAMES[2], firsts.iter().filter(risk).count());
+            let _ = write!(text, "; the first events name a link of {risk} in {count}");
         }
-        let hours: f64 = told.iter().map(|told| told.action.unwrap_or(told.end)).sum::<f64>() / 3600.0;
-        let alarm = |told: &Told| {
-            told.events.iter().filter(|(_, at)| told.action.is_none_or(|action| *at <= action)).count()
+        let hours: f64 =
+            reported.iter().map(|reported| reported.action.unwrap_or(reported.end)).sum::<f64>() / 3600.0;
+        let alarm = |reported: &Reported| {
+            let is_before = |at: f64| reported.action.is_none_or(|action| at <= action);
+            reported.events.iter().filter(|(_, at)| is_before(*at)).count()
         };
-        let alarms: usize = told.iter().map(alarm).sum();
+        let alarms: usize = reported.iter().map(alarm).sum();
         let _ = write!(text, "\n  false alarms: {alarms} in {hours:.1} h without change");
         text
     }
 
-    fn csv(&self, told: &[Told]) -> String {
+    fn csv(&self, reported: &[Reported]) -> String {
         let mut csv = String::from("seed,action_s,told_s,kind,cause,effect,lag,before,after,p_value\n");
-        for one in told {
+        for one in reported {
             let action = one.action.map_or(String::new(), |action| format!("{action:.2}"));
             for (event, at) in &one.events {
                 let ChangeEvent { cause, effect, lag, before, after, p_value, .. } = event;

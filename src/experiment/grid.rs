@@ -43,15 +43,6 @@ impl Grid {
     /// # Errors
     /// The first value that is not allowed, with what is allowed.
     pub(crate) fn check(&self, analysis: &Settings) -> Result<()> {
-        let within = |name: &str, values: &[f64], (low, high): (f64, f64)| match values
-            .iter()
-            .find(|value| !(low..=high).contains(*value))
-        {
-            Some(value) => {
-                Err(Error::param(name, format!("{value} is not a number of seconds from {low} to {high}")))
-            }
-            None => Ok(()),
-        };
         within("lengths", &self.lengths, LENGTHS)?;
         within("steps", &self.steps, STEPS)?;
         for model in &self.risk_models {
@@ -102,6 +93,16 @@ impl Grid {
             test: self.tests[test].clone(),
         };
         (0..sizes.iter().product()).map(places).filter(is_wanted).map(setting).collect()
+    }
+}
+
+/// Refuses a number of seconds that is not from `low` to `high`.
+pub(super) fn within(name: &str, values: &[f64], (low, high): (f64, f64)) -> Result<()> {
+    match values.iter().find(|value| !(low..=high).contains(*value)) {
+        Some(value) => {
+            Err(Error::param(name, format!("{value} is not a number of seconds from {low} to {high}")))
+        }
+        None => Ok(()),
     }
 }
 

@@ -73,9 +73,7 @@ pub(crate) fn record(
     let recorders =
         recording.end().map_err(|_| Error::Middleware("the recorder died; please report it".into()))??;
     done?;
-    if interrupt.is_set() {
-        return Err(Error::Cancelled("by the user".into()));
-    }
+    interrupt.check()?;
     let one = |mut recorder: Recorder| {
         recorder.finish();
         recorder.take_batches().into_iter().next().ok_or_else(|| Error::Data("nobody was recorded".into()))
@@ -86,13 +84,11 @@ pub(crate) fn record(
 /// Feeds what the nodes publish to all recorders until the bus ends.
 async fn listen(mw: &LoopbackNode, robot_topic: &str, mut recorders: Vec<Recorder>) -> Result<Vec<Recorder>> {
     let inbox = Inbox::new(mw, 20_000);
-    let (robot, humans) = (inbox.sender(), inbox.sender());
-    let _robot = mw.subscribe(robot_topic, Qos::Volatile(1000), move |m| robot.send(Event::Robot(m)))?;
-    let _humans =
-        mw.subscribe("/roscausal/humans", Qos::Volatile(1000), move |m| humans.send(Event::Humans(m)))?;
-    let context = inbox.sender();
-    let _context = mw
-        .subscribe("/hri/interventions", Qos::Latched, move |m: Text| context.send(Event::Context(m.data)))?;
+    let qos = Qos::Volatile(1000);
+    let _robot = inbox.subscribe(mw, robot_topic, qos, Event::Robot)?;
+    let _humans = inbox.subscribe(mw, "/roscausal/humans", qos, Event::Humans)?;
+    let context = |m: Text| Event::Context(m.data);
+    let _context = inbox.subscribe(mw, "/hri/interventions", Qos::Latched, context)?;
     loop {
         match inbox.awaited(mw, None).await {
             Next::Shutdown => return Ok(recorders),

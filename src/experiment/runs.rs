@@ -146,7 +146,7 @@ pub(super) fn postprocess(
     seed: u64,
 ) -> Result<Postprocess> {
     let (obs_size, safe_dist, obstacle) = (OBS_SIZE, SAFE_DIST, Obstacle::Robot);
-    let features = Feature::parse(&[], &NAMES.map(str::to_owned))?;
+    let features = Feature::defaults(&NAMES.map(str::to_owned))?;
     Ok(Postprocess { risk_model, risk_lag, risk_noise, seed, obs_size, safe_dist, obstacle, features })
 }
 

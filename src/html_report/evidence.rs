@@ -46,8 +46,8 @@ fn card(material: &Material, place: usize, link: &Link, seen: &LinkEvidence) -> 
         facts.push(("interval", format!("{low:.4} to {high:.4}")));
     }
     if let Some(confidence) = link.confidence {
-        let word = link.word().unwrap_or_default();
-        let share = format!("{word}: {:.0} % of the resamples have it", 100.0 * confidence);
+        let word = link.word().map_or(String::new(), |word| word + ": ");
+        let share = format!("{word}{:.0} % of the resamples have it", 100.0 * confidence);
         facts.push(("confidence", share));
     }
     if let (Some(low), Some(high)) = (link.value_low, link.value_high) {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use roscausal_discovery::{Model, names::plain, visible};
+use roscausal_discovery::{LinkMark, Model, names::plain, visible};
 
 use crate::report;
 
@@ -49,7 +49,7 @@ pub(super) fn tikz(model: &Model) -> String {
         if link.drawn_strength() < 0.0 {
             style += ", dashed";
         }
-        if link.mark != "-->" {
+        if link.mark != LinkMark::Forward {
             style += ", -";
         }
         let way =

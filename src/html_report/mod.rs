@@ -1,8 +1,8 @@
-//! `roscausal report`: a model and what stands behind it as one HTML file that needs no network and runs no script.
+//! `roscausal show --report`: a model and what stands behind it as one HTML file that needs no network and runs no script.
 
 mod evidence;
 #[cfg(test)]
-mod hostile;
+mod hostile_tests;
 mod latex;
 mod page;
 mod parts;
@@ -35,12 +35,8 @@ pub(crate) struct Args {
     /// The report.
     #[arg(short, long, value_name = "FILE.html", default_value = REPORT)]
     output: PathBuf,
-    /// Also write the links as a LaTeX table.
-    #[arg(long, value_name = "FILE.tex")]
-    latex: Option<PathBuf>,
-    /// Also write the graph as a TikZ picture for LaTeX.
-    #[arg(long, value_name = "FILE.tex")]
-    tikz: Option<PathBuf>,
+    #[command(flatten)]
+    latex: LatexArgs,
     /// Overwrite files of these names although no report of roscausal is in them.
     #[arg(long)]
     force: bool,
@@ -51,34 +47,58 @@ pub(crate) struct Args {
     #[command(flatten)]
     means: MeansArgs,
     /// Seed of all random numbers.
-    #[arg(long, default_value_t = 42)]
+    #[arg(long, default_value_t = 42, help_heading = "Method")]
     seed: u64,
+}
+
+/// Files for LaTeX.
+#[derive(ClapArgs)]
+pub(crate) struct LatexArgs {
+    /// Write the links as a LaTeX table.
+    #[arg(long, value_name = "FILE.tex")]
+    latex: Option<PathBuf>,
+    /// Write the graph as a TikZ picture for LaTeX.
+    #[arg(long, value_name = "FILE.tex")]
+    tikz: Option<PathBuf>,
 }
 
 /// Runs `roscausal report`.
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
-    output::claim_file(&args.output, page::MARK, args.force)?;
-    for path in args.latex.iter().chain(&args.tikz) {
-        output::claim_file(path, latex::MARK, args.force)?;
+    written(Some(&args.output), &args.latex, args.force, || source::read(args, interrupt))
+}
+
+/// Writes what was asked for of a stored model.
+pub(crate) fn of_stored(model: &Path, html: Option<&Path>, latex: &LatexArgs, force: bool) -> Result<()> {
+    written(html, latex, force, || source::stored(model))
+}
+
+/// Files of others are refused before anything is computed.
+fn written(
+    html: Option<&Path>,
+    LatexArgs { latex, tikz }: &LatexArgs,
+    force: bool,
+    material: impl FnOnce() -> Result<Material>,
+) -> Result<()> {
+    html.map_or(Ok(()), |path| output::claim_file(path, page::MARK, force))?;
+    latex.iter().chain(tikz).try_for_each(|path| output::claim_file(path, latex::MARK, force))?;
+    if html.is_none() && latex.is_none() && tikz.is_none() {
+        return Ok(());
     }
-    let material = source::read(args, interrupt)?;
-    output::write_at(&args.output, page::html(&material).as_bytes())?;
-    if let Some(path) = &args.latex {
-        output::write_at(path, latex::table(&material.model).as_bytes())?;
-    }
-    if let Some(path) = &args.tikz {
-        output::write_at(path, latex::tikz(&material.model).as_bytes())?;
-    }
+    let material = material()?;
+    let write = |path: Option<&Path>, text: &dyn Fn() -> String| {
+        path.map_or(Ok(()), |path| output::write_at(path, text().as_bytes()).map(drop))
+    };
+    write(html, &|| page::html(&material))?;
+    write(latex.as_deref(), &|| latex::table(&material.model))?;
+    write(tikz.as_deref(), &|| latex::tikz(&material.model))?;
+    let Some(html) = html else { return Ok(()) };
     let links = material.model.links.len();
     let evidence = match &material.evidence {
         Some(_) => "",
         None => "; no evidence was kept beside this model",
     };
-    crate::terminal::say!(
-        "{}: {links} link{}{evidence}",
-        args.output.display(),
-        if links == 1 { "" } else { "s" }
-    );
+    let s = if links == 1 { "" } else { "s" };
+    crate::terminal::tell!("{}: {links} link{s}{evidence}", html.display());
     Ok(())
 }
 

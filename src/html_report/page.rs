@@ -9,7 +9,7 @@ use super::{
     Material, evidence,
     parts::{anchor, section},
 };
-use crate::report;
+use crate::{flags, report};
 
 /// Only the styles of the page itself; nothing is loaded, nothing runs.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
@@ -46,14 +46,21 @@ pub(super) fn html(material: &Material) -> String {
     )
 }
 
+/// What may be said, before anything else.
 fn summary(material: &Material) -> String {
-    let text = report::text(&material.model);
-    let headline = text.lines().next().unwrap_or_default();
-    let status = match material.model.status.as_str() {
-        "complete" => String::new(),
-        status => format!("<p class=\"warning\">This result is {}.</p>\n", escaped(status)),
+    let model = &material.model;
+    let of = model.summary().spelled(flags::spelled_one);
+    let list = |items: &mut dyn Iterator<Item = &String>| -> String {
+        items.map(|item| format!("<li>{}</li>\n", escaped(item))).collect()
     };
-    format!("<p class=\"lead\">{}.</p>\n{status}", escaped(headline))
+    let time = model.run_time_s.map_or(String::new(), |s| format!(", found in {s:.2} s"));
+    let mut content = format!("<p class=\"lead\">{}{time}.</p>\n", escaped(&of.headline));
+    let _ = write!(content, "<ul class=\"conclusion\">\n{}</ul>\n", list(&mut of.conclusion.iter()));
+    if !of.advice.is_empty() {
+        let advice = list(&mut of.advice.iter().map(|one| &one.text));
+        let _ = write!(content, "<h3>Next</h3>\n<ol>\n{advice}</ol>\n");
+    }
+    section("summary", "Summary", &content)
 }
 
 fn graph(model: &Model) -> String {
@@ -90,11 +97,11 @@ fn asked(model: &Model, svg: &str) -> String {
                 let title = line.split_once('>').map_or("", |(_, rest)| rest);
                 let name = escaped(&report::sentence(model, &model.links[place]));
                 // The label leads there, too, but it is no second stop for the keyboard and not read twice.
-                let said = match named.insert(place) {
+                let stated = match named.insert(place) {
                     true => format!("aria-label=\"{name}\""),
                     false => "tabindex=\"-1\" aria-hidden=\"true\"".to_owned(),
                 };
-                let _ = writeln!(out, "<a href=\"#{}\" {said}>{title}", anchor(place));
+                let _ = writeln!(out, "<a href=\"#{}\" {stated}>{title}", anchor(place));
                 open = true;
             }
             None if open && line == "</g>" => {
@@ -112,9 +119,7 @@ fn asked(model: &Model, svg: &str) -> String {
 
 fn links(model: &Model) -> String {
     if model.links.is_empty() {
-        let found = report::nothing_found(model);
-        let missed = report::missed(model).map_or(String::new(), |missed| format!(" {missed}"));
-        return section("links", "Links", &format!("<p>{}</p>\n", escaped(&(found + &missed))));
+        return String::new();
     }
     let mut content = String::from(
         "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"Table of links\">\n<table>\n<thead><tr>\
@@ -135,11 +140,6 @@ fn links(model: &Model) -> String {
         );
     }
     content += "</tbody>\n</table>\n</div>\n";
-    if !model.dropped.is_empty() {
-        let dropped: Vec<String> = model.dropped.iter().map(|name| escaped(&plain(name))).collect();
-        let _ =
-            writeln!(content, "<p>Left out, without a link to another variable: {}.</p>", dropped.join(", "));
-    }
     section("links", "Links", &content)
 }
 
@@ -188,7 +188,7 @@ fn settings(model: &Model) -> String {
     let step = model.dt.map_or("unknown".to_owned(), |dt| format!("{dt:.4} s"));
     let (level_name, level_text) = model.link_level_in_words();
     let rows = [
-        ("method", escaped(&model.method)),
+        ("method", escaped(model.method.name())),
         ("independence test", escaped(&model.cond_ind_test)),
         ("level of a link", format!("{level_text} ({level_name})")),
         ("level of the condition selection", level(model.pc_alpha, "chosen by a score")),
@@ -208,21 +208,13 @@ fn settings(model: &Model) -> String {
 }
 
 fn caveats(model: &Model) -> String {
-    let mut items: Vec<String> = model.warnings.iter().map(|warning| escaped(warning)).collect();
+    let summary = model.summary().spelled(flags::spelled_one);
+    let about = summary.about_data.iter().map(|about| format!("About the data: {about}"));
+    let mut items: Vec<String> = about.chain(summary.notes.iter().cloned()).collect();
     items.push("A link means: no other variable that was recorded explains it. A cause of both that was not recorded can.".into());
     items.push("The system is taken to be the same from the first sample to the last.".into());
     items.push("An effect faster than one step appears at lag 0, or not at all.".into());
-    if model.fdr == "none" {
-        let level = model.link_level().unwrap_or(model.alpha);
-        let tests = model.features.len() * model.features.len() * (model.tau_max + 1 - model.tau_min);
-        items.push(format!(
-            "About {tests} links were tested, each at level {}: about {:.1} links would appear by chance if there were none. \
-             The correction --fdr accounts for that.",
-            level,
-            level * tests as f64
-        ));
-    }
-    let items = items.iter().map(|item| format!("<li>{item}</li>\n")).collect::<String>();
+    let items = items.iter().map(|item| format!("<li>{}</li>\n", escaped(item))).collect::<String>();
     section("caveats", "Caveats", &format!("<ul>\n{items}</ul>\n"))
 }
 

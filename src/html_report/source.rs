@@ -8,14 +8,14 @@ use std::{
 use roscausal_core::{Error, Result, batch::pool::with_ending, nodes::EVIDENCE_FOLDER};
 use roscausal_discovery::{
     Evidence, Model,
-    methods::{Method, Reads},
+    methods::Reads,
     settings::{Kind, setting},
 };
 
 use super::Args;
 use crate::{
-    discover,
-    folders::{EVIDENCE, read_evidence, read_model},
+    discover::{self, AnalysisArgs},
+    folders::{EVIDENCE, model_in, read_evidence, read_model},
     interrupt::Interrupt,
     results::check_whole,
     terminal::tell,
@@ -41,22 +41,25 @@ pub(crate) struct Material {
 pub(super) fn read(args: &Args, interrupt: &Interrupt) -> Result<Material> {
     let input = &args.input;
     check_whole(input)?;
-    if input.is_dir() && !holds_recording(input)? {
-        return of_folder(input);
+    let is_model = input.extension().is_some_and(|extension| extension == "json");
+    if is_model || (input.is_dir() && !holds_recording(input)?) {
+        return stored(input);
     }
-    if input.extension().is_some_and(|extension| extension == "json") {
-        return of_model(input, input.display().to_string());
-    }
-    let analysis = discover::Args::of_one(input, &args.inputs, &args.method, &args.means, args.seed);
+    let (inputs, method, means) = (args.inputs.clone(), args.method.clone(), args.means.clone());
+    let how = AnalysisArgs { inputs, method, means, ..AnalysisArgs::default() };
+    let analysis = discover::Args::of(std::slice::from_ref(input), &how, args.seed);
     let discover::Answer { model, evidence, .. } = discover::found(&analysis, interrupt, false)?;
-    let command = command(&model, &input.display().to_string());
-    Ok(Material {
-        model,
-        evidence: Some(evidence),
-        name: input.display().to_string(),
-        command,
-        batches: Vec::new(),
-    })
+    let name = input.display().to_string();
+    let command = command(&model, &name);
+    Ok(Material { model, evidence: Some(evidence), name, command, batches: Vec::new() })
+}
+
+/// What a model or a folder of results holds.
+pub(super) fn stored(path: &Path) -> Result<Material> {
+    match path.is_dir() {
+        true => of_folder(path),
+        false => of_model(path, path.display().to_string()),
+    }
 }
 
 /// Whether a folder is a recording, not results.
@@ -66,7 +69,7 @@ fn holds_recording(dir: &Path) -> Result<bool> {
 }
 
 /// `model.json` in a folder; else the newest of its models in `cm_pool`, or in the folder itself.
-pub(super) fn of_folder(dir: &Path) -> Result<Material> {
+fn of_folder(dir: &Path) -> Result<Material> {
     let pool = dir.join("cm_pool");
     let only_models = pool.is_dir();
     let pool = if only_models { pool } else { dir.to_owned() };
@@ -79,14 +82,8 @@ pub(super) fn of_folder(dir: &Path) -> Result<Material> {
             Err(_) => {}
         }
     }
-    let own = dir.join("model.json");
-    let newest = if own.exists() { Some(own.clone()) } else { models.last().map(|(path, _)| path.clone()) };
-    let Some(newest) = newest else {
-        let reason =
-            "there is no model here; give a folder of demo, replay or discover --out, a model, or a CSV file";
-        return Err(Error::file(dir, reason));
-    };
-    models.retain(|(path, model)| *path != own && check(model, path).is_ok());
+    let newest = model_in(dir)?;
+    models.retain(|(path, model)| *path != dir.join("model.json") && check(model, path).is_ok());
     let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut material = of_model(&newest, dir.display().to_string())?;
     if models.len() > 1 {
@@ -149,12 +146,12 @@ pub(crate) fn flags(model: &Model) -> String {
         let _ = write!(line, " --test {}", model.cond_ind_test);
     }
     // A method of others has a name that is not known here.
-    let method = model.method.parse::<Method>().ok().map(Method::info);
-    if method.is_none_or(|info| !info.one_level && info.p_values) {
+    let method = model.method.method();
+    if method.is_none_or(|method| !method.info().one_level && method.info().p_values) {
         let _ = write!(line, " --alpha {}", model.alpha);
     }
     let _ = write!(line, " --tau-min {} --tau-max {}", model.tau_min, model.tau_max);
-    if model.method.parse::<Method>().map_or(true, |method| method.reads(Reads::PcAlpha)) {
+    if method.is_none_or(|method| method.reads(Reads::PcAlpha)) {
         let level = model.pc_alpha.map_or("auto".to_owned(), |level| level.to_string());
         let _ = write!(line, " --pc-alpha {level}");
     }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use roscausal_core::{Error, Result};
-use roscausal_discovery::{Model, names, quantile};
+use roscausal_discovery::{LinkMark, Model, names, quantile};
 use roscausal_reasoning::{
     answer::{self, ExplainQuestion},
     question::{WhatIf, parse_action},
@@ -11,7 +11,7 @@ use roscausal_reasoning::{
 
 use super::inputs::{Format, Ready, SourceArgs};
 
-/// What the robot can change about the paper's scenario, and what this does to her.
+/// What the robot can change about the paper's scenario, and what this does to them.
 const PAPER: (&str, &str) = ("h_risk", "h_v");
 /// The part of the samples that are below the value that is tried: low, and seen often enough.
 const LOW: f64 = 0.1;
@@ -94,7 +94,7 @@ fn lever(found: &Model) -> Option<(&str, &str)> {
     let mut links: Vec<_> = found
         .links
         .iter()
-        .filter(|link| link.mark == "-->" && link.cause != link.effect)
+        .filter(|link| link.mark == LinkMark::Forward && link.cause != link.effect)
         .filter(|link| of_system(&link.cause) && of_system(&link.effect))
         .collect();
     links.sort_by(|a, b| b.drawn_strength().abs().total_cmp(&a.drawn_strength().abs()));

@@ -11,16 +11,16 @@ use roscausal_core::{
 use roscausal_discovery::{DataFrame, methods::acts_on_of, names};
 use roscausal_reasoning::{
     ActsOn, Facts, Settings, StructuralModel, default_intervention_targets,
-    model::{Equations, SCHEMA, graph_of_json},
+    model::{SCHEMA, graph_of_json},
     question::Situation,
 };
 
-use crate::{output, results::check_whole};
+use crate::{folders::model_in, output, results::check_whole};
 
 /// The arguments that all questions share.
 #[derive(ClapArgs)]
 pub(super) struct SourceArgs {
-    /// A model of `roscausal discover`, a graph written by hand ({"links": [{"cause": "r_v", "effect": "d", "lag": 1}]}), or a
+    /// A model of `roscausal discover` or the folder of its results, a graph written by hand ({"links": [{"cause": "r_v", "effect": "d", "lag": 1}]}), or a
     /// structural model (--save).
     #[arg(value_name = "MODEL")]
     pub(super) model: PathBuf,
@@ -102,7 +102,7 @@ impl SourceArgs {
 
     fn ready(&self) -> Result<Ready> {
         std::iter::once(&self.model).chain(&self.data).try_for_each(|path| check_whole(path))?;
-        let text = bounded::read_text(&self.model, bounded::MODEL)?;
+        let text = bounded::read_text(&model_in(&self.model)?, bounded::MODEL)?;
         let of_file = |error: roscausal_discovery::Error| match error {
             roscausal_discovery::Error::Param { name, reason } => {
                 Error::file(&self.model, format!("{name}: {reason}"))
@@ -137,12 +137,8 @@ impl SourceArgs {
         let facts = self.with_units(facts, graph.names())?;
         let times = tables.iter().map(|table| table.time.clone()).collect();
         let data = self.frame(tables, graph.names(), &context)?;
-        let equations = match self.equations.as_str() {
-            "linear" => Equations::Linear,
-            "gp" => Equations::Gp,
-            _ => Equations::Auto,
-        };
-        let settings = Settings { equations, seed: self.seed, ..Settings::default() };
+        let settings =
+            Settings { equations: self.equations.parse()?, seed: self.seed, ..Settings::default() };
         let model = StructuralModel::fit(&data, &graph, &settings, &acts_on)?.with_facts(facts);
         Ok(Ready { model, times })
     }

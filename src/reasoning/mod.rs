@@ -1,4 +1,4 @@
-//! `roscausal predict|whatif|effect|explain`: questions to a causal model and data, without ROS.
+//! `roscausal whatif|effect|explain`: questions to a causal model and data, without ROS.
 
 mod closing;
 mod inputs;
@@ -17,15 +17,6 @@ pub(crate) use closing::closing;
 use inputs::{Format, Ready, SourceArgs};
 use picture::PictureArgs;
 pub use text::{effect as effect_text, explain as explain_text, what_if as what_if_text};
-
-/// Arguments of `roscausal predict`.
-#[derive(ClapArgs)]
-pub(crate) struct PredictArgs {
-    #[command(flatten)]
-    source: SourceArgs,
-    #[command(flatten)]
-    ahead: AheadArgs,
-}
 
 /// How far, and what to show.
 #[derive(ClapArgs)]
@@ -55,8 +46,8 @@ pub(crate) struct WhatIfArgs {
     #[command(flatten)]
     ahead: AheadArgs,
     /// An action, such as 'stop: r_v=0@1..10' (set), 'slower: r_v+=-0.2' (shift), 'ramp: r_v=0.6|0.4|0.2@1..3', 'go on'. Give it
-    /// again for each action.
-    #[arg(long = "action", value_name = "ACTION", required = true)]
+    /// again for each action; without any: what happens if nobody acts.
+    #[arg(long = "action", value_name = "ACTION")]
     actions: Vec<String>,
     /// What an action costs: a variable's mean over the steps, with a weight if wanted (`h_risk` or `h_risk:2`). Give it again for
     /// each term.
@@ -66,7 +57,7 @@ pub(crate) struct WhatIfArgs {
     #[arg(long = "limit", value_name = "LIMIT")]
     limits: Vec<String>,
     /// Had it been done: the rows after --at again, with the noise that they had.
-    #[arg(long)]
+    #[arg(long, requires = "actions")]
     had: bool,
     /// Answer also where the data do not reach, and say so.
     #[arg(long)]
@@ -111,26 +102,25 @@ pub(crate) struct ExplainArgs {
     horizon: usize,
 }
 
-/// Runs `roscausal predict`.
-pub(crate) fn predict(args: &PredictArgs) -> Result<Status> {
-    let actions = vec![Action::go_on()];
-    outlook("predict", &args.source, &args.ahead, WhatIf { actions, ..WhatIf::default() })
-}
-
 /// Runs `roscausal whatif`.
 pub(crate) fn what_if(args: &WhatIfArgs) -> Result<Status> {
     let bad = |name: &'static str| move |reason: String| Error::param(name, reason);
     let action = |text: &String| parse_action(text).map_err(bad("action"));
     let limit = |text: &String| parse_limit(text).map_err(bad("limit"));
+    let actions: Vec<Action> = args.actions.iter().map(action).collect::<Result<_>>()?;
+    let (name, actions) = match actions.is_empty() {
+        true => ("predict", vec![Action::go_on()]),
+        false => ("whatif", actions),
+    };
     let question = WhatIf {
         counterfactual: args.had,
-        actions: args.actions.iter().map(action).collect::<Result<_>>()?,
+        actions,
         cost: args.costs.iter().map(|text| cost(text)).collect::<Result<_>>()?,
         limits: args.limits.iter().map(limit).collect::<Result<_>>()?,
         allow_extrapolation: args.allow_extrapolation,
         ..WhatIf::default()
     };
-    outlook("whatif", &args.source, &args.ahead, question)
+    outlook(name, &args.source, &args.ahead, question)
 }
 
 fn cost(text: &str) -> Result<CostTerm> {
@@ -145,8 +135,8 @@ fn cost(text: &str) -> Result<CostTerm> {
     Ok(CostTerm { variable: variable.trim().to_owned(), weight })
 }
 
-/// Answers, prints and draws; the files have the name of the command.
-fn outlook(command: &str, source: &SourceArgs, ahead: &AheadArgs, question: WhatIf) -> Result<Status> {
+/// Answers, prints and draws into files of this name.
+fn outlook(name: &str, source: &SourceArgs, ahead: &AheadArgs, question: WhatIf) -> Result<Status> {
     let reads = [std::slice::from_ref(&source.model), &source.data].concat();
     let results = ahead.picture.results(source.force, &reads)?;
     let question = WhatIf {
@@ -160,7 +150,7 @@ fn outlook(command: &str, source: &SourceArgs, ahead: &AheadArgs, question: What
         let situation = ready.situation(ahead.at)?;
         let answer = answer::what_if(&ready.model, &situation, &question);
         if let Some(results) = results {
-            picture::write(results, command, &ready.model, &situation, (&question, &answer))?;
+            picture::write(results, name, &ready.model, &situation, (&question, &answer))?;
         }
         show(source, &answer, (answer.status, &answer.message), || text::what_if(&answer))
     })

@@ -62,6 +62,9 @@ pub fn explain(answer: &ExplainAnswer) -> String {
     for one in &answer.contributions {
         lines.push(format!("{:>12} {:10.4} ({:.4} to {:.4})", one.variable, one.value, one.lower, one.upper));
     }
+    if !answer.contributions.is_empty() {
+        lines.push(format!("{:>12} {:10.4}", "the change", answer.change));
+    }
     finished(lines, &answer.caveats)
 }
 

@@ -88,24 +88,18 @@ impl Chooser<'_> {
             best.or(robot.topics.first()).map(|topic| topic.name.clone())
         };
         let topics: Vec<String> = others.filter_map(topic).collect();
-        match topics.is_empty() {
-            true => Err(Error::file(
-                self.path,
-                format!(
-                    "{} robots: there is no other robot in a namespace of its own; name the topics of those who move",
-                    Named("people")
-                ),
-            )),
-            false => Ok(topics),
+        if topics.is_empty() {
+            let reason = "robots: there is no other robot in a namespace of its own; name the topics of those who move";
+            return Err(Error::file(self.path, format!("{} {reason}", Named("people"))));
         }
+        Ok(topics)
     }
 
     /// The error where several robots are TF frames.
     pub(super) fn several_frames(&self, robots: &[String]) -> Error {
+        let (robots, flag) = (robots.join(", "), Named("robot"));
         let what = format!(
-            "TF has the robots {}, and no topic tells which one is meant; {} NAME chooses one",
-            robots.join(", "),
-            Named("robot")
+            "TF has the robots {robots}, and no topic tells which one is meant; {flag} NAME chooses one"
         );
         Error::file(self.path, what)
     }
@@ -168,11 +162,8 @@ impl Chooser<'_> {
                 let robots = self.robots();
                 let way = match robots.len() > 1 && role.node == "robot" {
                     true => {
-                        format!(
-                            ", of the robots {} ({} NAME chooses one)",
-                            robots::names(&robots),
-                            Named("robot")
-                        )
+                        let (names, flag) = (robots::names(&robots), Named("robot"));
+                        format!(", of the robots {names} ({flag} NAME chooses one)")
                     }
                     false => String::new(),
                 };
@@ -187,20 +178,16 @@ impl Chooser<'_> {
         if named == Some(NONE) {
             return Ok(None);
         }
-        let Some(name) = named else {
-            let mut candidates = self.candidates(role);
-            // Nav2 has a /goal_pose that nobody publishes when goals come by its action.
-            candidates.retain(|topic| topic.messages != Some(0));
-            let usual = self.usual(role, &candidates);
-            let own: Vec<&Topic> = candidates
-                .iter()
-                .copied()
-                .filter(|topic| !CHOSEN_BY_NAME.contains(&topic.type_name.as_str()))
-                .collect();
-            let only = if let [only] = own.as_slice() { Some(*only) } else { None };
-            return Ok(usual.or(only).cloned());
-        };
-        self.named(role, name).map(Some)
+        if let Some(name) = named {
+            return self.named(role, name).map(Some);
+        }
+        let mut candidates = self.candidates(role);
+        // Nav2 has a /goal_pose that nobody publishes when goals come by its action.
+        candidates.retain(|topic| topic.messages != Some(0));
+        let usual = self.usual(role, &candidates);
+        candidates.retain(|topic| !CHOSEN_BY_NAME.contains(&topic.type_name.as_str()));
+        let only = if let [only] = candidates.as_slice() { Some(*only) } else { None };
+        Ok(usual.or(only).cloned())
     }
 
     /// The topics that are named, or found by their types; none where people are TF frames.
@@ -210,11 +197,8 @@ impl Chooser<'_> {
         }
         // The simulator has two, and the live node listens to both.
         let mut candidates = self.people_candidates();
-        let usual: Vec<Topic> = candidates
-            .iter()
-            .filter(|topic| PEOPLE.usual.contains(&topic.name.as_str()))
-            .map(|topic| (*topic).clone())
-            .collect();
+        let is_usual = |topic: &&Topic| PEOPLE.usual.contains(&topic.name.as_str());
+        let usual: Vec<Topic> = candidates.iter().copied().filter(is_usual).cloned().collect();
         if !usual.is_empty() {
             return Ok(usual);
         }
@@ -310,24 +294,18 @@ impl Chooser<'_> {
         };
         let candidates = if is_people { self.people_candidates() } else { self.candidates(role) };
         let describe = |topic: &Topic| format!("{} ({})", topic.name, topic.type_name);
+        let takes = format!("{reason}; {} takes {types}", Named(role.flag));
         if candidates.is_empty() {
             let all: Vec<String> = self.recording.topics().iter().map(describe).collect();
-            return Error::file(
-                self.path,
-                format!(
-                    "{reason}; {} takes {types}; topics in it: {}; {} 'v = /topic.field' reads any number of any topic \
-                     (roscausal topics --signals lists them)",
-                    Named(role.flag),
-                    all.join(", "),
-                    Named("signal")
-                ),
+            let (all, signal) = (all.join(", "), Named("signal"));
+            let reason = format!(
+                "{takes}; topics in it: {all}; {signal} 'v = /topic.field' reads any number of any topic (roscausal topics --signals \
+                 lists them)"
             );
+            return Error::file(self.path, reason);
         }
         let list: Vec<String> = candidates.into_iter().map(describe).collect();
-        Error::file(
-            self.path,
-            format!("{reason}; {} takes {types}; of these types: {}", Named(role.flag), list.join(", ")),
-        )
+        Error::file(self.path, format!("{takes}; of these types: {}", list.join(", ")))
     }
 }
 

@@ -331,19 +331,13 @@ fn check_same(path: &Path, topics: &[Topic], measured: &[Option<Offset>]) -> Res
     }
     // The one that is farther from the time of recording.
     let odd = if most.1.abs() > least.1.abs() { most.0 } else { least.0 };
-    Err(Error::file(
-        path,
-        format!(
-            "the clocks of {} and {} differ by {}: their stamps are {} and {} from the time of recording; --clock recording uses that time \
-             instead of all stamps, --clock {}=recording of those of one topic",
-            least.0.name,
-            most.0.name,
-            seconds(apart),
-            seconds(least.1),
-            seconds(most.1),
-            odd.name
-        ),
-    ))
+    let (a, b, odd) = (&least.0.name, &most.0.name, &odd.name);
+    let [apart, of_a, of_b] = [apart, least.1, most.1].map(seconds);
+    let reason = format!(
+        "the clocks of {a} and {b} differ by {apart}: their stamps are {of_a} and {of_b} from the time of recording; --clock recording \
+         uses that time instead of all stamps, --clock {odd}=recording of those of one topic"
+    );
+    Err(Error::file(path, reason))
 }
 
 fn seconds(value: f64) -> String {

@@ -42,6 +42,7 @@ const INTERVENTIONS: &str = "/hri/interventions";
 
 /// Which topics of a recording play which role.
 #[derive(ClapArgs, Clone, Debug, Default)]
+#[command(next_help_heading = "Recordings")]
 pub(crate) struct InputArgs {
     /// Recording of several robots: which one, by its namespace (`tb3_0` for /tb3_0/odom). The others may be the people
     /// (`--people robots`).
@@ -59,10 +60,10 @@ pub(crate) struct InputArgs {
     robot_goal: Option<String>,
     /// Recording: topics of people of any known type (docs/people.md), separated by commas; `ros4hri`: its TF frames;
     /// `tf:actor_*`: TF frames of this name, with the id for `*`; `robots`: the other robots.
-    #[arg(long, value_name = "TOPIC", value_delimiter = ',')]
+    #[arg(long, value_name = "TOPIC", value_delimiter = ',', help_heading = "People")]
     people: Vec<String>,
     /// Recording: topic of the person's goal, or `none`.
-    #[arg(long, value_name = "TOPIC")]
+    #[arg(long, value_name = "TOPIC", help_heading = "People")]
     human_goal: Option<String>,
     /// Recording: a number of any topic as a variable, such as `v_cmd = /cmd_vel.linear.x`; may be given several times
     /// (docs/signals.md). Where a recording has no robot or no people, signals are all that is read.
@@ -74,10 +75,10 @@ pub(crate) struct InputArgs {
     clock: Vec<String>,
     /// Recording: who is analysed: an id or a name, `1,2`, `nearest:N`, `all` or `nobody` (only signals). Default: the person nearest
     /// to the robot.
-    #[arg(long, value_name = "WHO")]
+    #[arg(long, value_name = "WHO", help_heading = "People")]
     person: Option<String>,
     /// Step between samples, seconds: of a recording's batches; a table is resampled to it (--resample).
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", help_heading = "Data")]
     dt: Option<f64>,
     /// Recording: length of a batch, seconds; 0: until the end. Several batches are recordings of one system. Default: as
     /// recorded, otherwise 0 (replay: 150).
@@ -141,7 +142,7 @@ impl InputArgs {
 }
 
 /// What is played, to which nodes, with which parameters.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Inputs {
     /// Names of the topics played.
     pub(crate) topics: Vec<String>,
@@ -173,18 +174,11 @@ impl Inputs {
     /// Chooses topics by `args`, and otherwise by type and name.
     pub(crate) fn choose(recording: &Recording, path: &Path, args: &InputArgs) -> Result<Self> {
         let mut inputs = Self {
-            topics: Vec::new(),
             nodes: &RECORDING,
-            params: Vec::new(),
-            pose_of: None,
-            raw_topics: Vec::new(),
-            kinds: BTreeMap::new(),
-            goals: Vec::new(),
             clock: ClockChoice::parse(&args.clock)?,
-            clocks: Clocks::default(),
             tf: "/tf".to_owned(),
             start: clocks::start(path, recording)?,
-            chosen: Vec::new(),
+            ..Self::default()
         };
         let mut chooser = Chooser::of(recording, path)?;
         if let Some(name) = &args.robot {
@@ -347,22 +341,17 @@ impl Inputs {
             let percent = |share: f64| format!("{:.0} % of the time", 100.0 * share);
             if known.odometry <= known.pose + CLEARLY_MORE {
                 self.take(&ROBOT_POSE, &pose);
-                let chosen = format!(
-                    "it knows the robot in {}; {by_tf}: in {}",
-                    percent(known.pose),
-                    percent(known.odometry)
-                );
+                let (pose, odometry) = (percent(known.pose), percent(known.odometry));
+                let chosen = format!("it knows the robot in {pose}; {by_tf}: in {odometry}");
                 if let Some(line) = self.chosen.last_mut() {
                     line.push_str(&format!("; {chosen}"));
                 }
                 return Ok(());
             }
+            let (by_odometry, by_pose) = (percent(known.odometry), percent(known.pose));
             why = format!(
-                ": it knows the robot in {}, {} ({}) in {}",
-                percent(known.odometry),
-                pose.name,
-                pose.type_name,
-                percent(known.pose)
+                ": it knows the robot in {by_odometry}, {} ({}) in {by_pose}",
+                pose.name, pose.type_name
             );
         }
         self.set("robot", "pose_topic", ODOMETRY_POSE);
@@ -429,11 +418,9 @@ impl Inputs {
                 false => chooser.several_frames(&robots),
             }
         })?;
-        for (name, value) in
-            [("pose_topic", ""), ("source_frame", base.as_str()), ("target_frame", map.as_str())]
-        {
-            self.set("robot", name, value);
-        }
+        self.set("robot", "pose_topic", "");
+        self.set("robot", "source_frame", &base);
+        self.set("robot", "target_frame", &map);
         self.set("human", "target_frame", &map);
         Ok((base, map))
     }
@@ -597,7 +584,7 @@ impl Inputs {
 
     /// Sets the parameters that the recording was made with, as far as data may decide them.
     fn set_carried(&mut self, path: &Path) -> Result<()> {
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         let carried = carried(path)?;
         for (name, value) in carried.used {
             // Signals are asked for by --signal.
@@ -606,16 +593,15 @@ impl Inputs {
                 continue;
             }
             let (node, param, value) = parse(&format!("{name}={value}")).map_err(|error| {
-                Error::file(
-                    path,
-                    format!("a setting that it carries: {error}; --ignore-settings leaves them out"),
-                )
+                let reason = format!("a setting that it carries: {error}; --ignore-settings leaves them out");
+                Error::file(path, reason)
             })?;
             self.set(&node, &param, &value);
-            told.push(format!("{name}={value}"));
+            reported.push(format!("{name}={value}"));
         }
-        if !told.is_empty() {
-            self.chosen.push(format!("recorded with {}; used unless flags say otherwise", told.join(" ")));
+        if !reported.is_empty() {
+            self.chosen
+                .push(format!("recorded with {}; used unless flags say otherwise", reported.join(" ")));
         }
         if let Some(sentence) = travel::sentence(path, &carried.left_out) {
             crate::terminal::tell!("{sentence}");
@@ -692,10 +678,8 @@ pub(crate) fn parse(text: &str) -> Result<(String, String, String)> {
     let names: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
     let Some(spec) = specs.iter().find(|spec| spec.name == name) else {
         let hint = nearest(&names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-        return Err(fault(format!(
-            "node {node} has no parameter '{name}'; {hint}it has: {}",
-            names.join(", ")
-        )));
+        let names = names.join(", ");
+        return Err(fault(format!("node {node} has no parameter '{name}'; {hint}it has: {names}")));
     };
     if let Some(flag) = flags::of_setting(node, name) {
         return Err(fault(format!("{node}.{name} is not a parameter of a recording; --{flag} sets it")));

@@ -170,9 +170,7 @@ impl Source {
         nodes.end()?;
         bar.finish_and_clear();
         let played = played?;
-        if interrupt.is_set() {
-            return Err(Error::Cancelled("by the user".into()));
-        }
+        interrupt.check()?;
         // Without post-processing the raw batches are the result.
         let folder = if self.inputs.is_raw() { raw } else { processed };
         let pool = Pool::open(&folder, "data_")?;

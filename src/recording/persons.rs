@@ -18,7 +18,7 @@ use roscausal_recording::{Recording, Topic};
 
 use super::choose::Chooser;
 
-/// What stands for the person's name in a signal, and for the names of her body and her face.
+/// What stands for the person's name in a signal, and for the names of their body and their face.
 const PLACES: [&str; 3] = ["{person}", "{body}", "{face}"];
 
 /// `--person` in numbers, as the nodes take it, and the names that must get these numbers.
@@ -46,7 +46,7 @@ pub(super) fn chosen(who: &str) -> Chosen {
     Chosen { select: select.join(","), names: given }
 }
 
-/// A signal with the name of the person in the place of `{person}`, and those of her body and face (REP-155 gives each an id of
+/// A signal with the name of the person in the place of `{person}`, and those of their body and face (REP-155 gives each an id of
 /// its own, which `/humans/persons/NAME/body_id` tells) in theirs.
 ///
 /// # Errors
@@ -57,11 +57,8 @@ pub(super) fn named(signal: &str, who: Option<&str>, chooser: &Chooser<'_>) -> R
     }
     let is_one = |who: &&str| !who.contains([',', ':']) && !["all", "nobody"].contains(who);
     let Some(who) = who.filter(is_one) else {
-        let reason = format!(
-            "'{signal}': {} stand for one person; name her, such as {} anna",
-            PLACES.join(", "),
-            Named("person")
-        );
+        let (places, flag) = (PLACES.join(", "), Named("person"));
+        let reason = format!("'{signal}': {places} stand for one person; name them, such as {flag} anna");
         return Err(Error::param("signal", reason));
     };
     let mut text = signal.replace(PLACES[0], who);
@@ -156,14 +153,14 @@ pub(super) fn check(chooser: &Chooser<'_>, names: &[String], source: &Source<'_>
     }
     let Some(name) = missing.first() else { return Ok(()) };
     let all: Vec<&str> = there.iter().map(String::as_str).take(MOST_TOLD).collect();
-    let told = match all.is_empty() {
+    let reported = match all.is_empty() {
         true => "nobody in it has a name; choose by number, nearest:N or all".to_owned(),
         false => {
             let hint = nearest(&all, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
             format!("{hint}people in it: {}", all.join(", "))
         }
     };
-    Err(Error::param("person", format!("there is nobody called '{name}'; {told}")))
+    Err(Error::param("person", format!("there is nobody called '{name}'; {reported}")))
 }
 
 /// Most names that are told.

@@ -38,11 +38,12 @@ const CHANGED: &str = "numbers that changed";
 /// What the data node says of rows and sightings.
 const PER_ROW: &str = "sightings for 100 rows";
 const AHEAD: &str = "reach ahead of rows, 1/1000 of a step";
+const FOLLOWS: &str = "rows in which the robot follows, of 100 in which both move";
 /// With fewer sightings for each row, rows are closer than sightings, of which a few may be lost.
 const ENOUGH: f64 = 0.85;
 /// Rows that reach farther ahead make links at lag 0 in a recording of 1200 rows (`roscausal_core/examples/sightings.rs`). Steps.
 const FAR_AHEAD: f64 = 0.05;
-const SAID: [&str; 4] = [NAMES, CHANGED, PER_ROW, AHEAD];
+const SAID: [&str; 5] = [NAMES, CHANGED, PER_ROW, AHEAD, FOLLOWS];
 type Troubles = Arc<Mutex<BTreeMap<String, String>>>;
 
 /// A recording that is ready to be played. The bus's clock stands at its beginning.
@@ -79,7 +80,7 @@ pub(crate) struct Played {
     losses: Vec<String>,
     troubles: Troubles,
     /// What the nodes say of people and their sightings, in the order of [`SAID`].
-    people: Arc<Mutex<[String; 4]>>,
+    people: Arc<Mutex<[String; 5]>>,
 }
 
 impl<'a> Play<'a> {
@@ -105,9 +106,9 @@ impl<'a> Play<'a> {
         let played = Played::default();
         let (troubles, people) = (played.troubles.clone(), played.people.clone());
         let diagnostics = node.subscribe("/diagnostics", Qos::Volatile(10), move |m: DiagnosticArray| {
-            let told =
+            let reported =
                 m.status.iter().flat_map(|status| &status.values).filter(|pair| !pair.value.is_empty());
-            for pair in told {
+            for pair in reported {
                 if let Some(place) = SAID.iter().position(|key| pair.key == *key) {
                     lock(&people)[place].clone_from(&pair.value);
                 }
@@ -260,7 +261,7 @@ fn of_rows((per_row, ahead): (f64, f64)) -> Option<String> {
 impl Played {
     /// Reports on stderr what was lost.
     pub(crate) fn tell(&self, path: &Path) {
-        let [names, changed, per_row, ahead] = lock(&self.people).clone();
+        let [names, changed, per_row, ahead, follows] = lock(&self.people).clone();
         if !names.is_empty() {
             crate::terminal::tell!("{}: people: {names}", path.display());
         }
@@ -273,6 +274,13 @@ impl Played {
         }
         if let Some(remark) = per_row.parse().ok().zip(ahead.parse().ok()).and_then(of_rows) {
             crate::terminal::tell!("note: {}: {remark}", path.display());
+        }
+        if follows.parse::<f64>().is_ok_and(|share| share >= 50.0) {
+            crate::terminal::tell!(
+                "note: {}: the robot follows people in {follows} % of the rows in which both move: their distance is then a sum of both \
+                 speeds, and a link from it to a speed may be there without a cause",
+                path.display()
+            );
         }
         for loss in &self.losses {
             crate::terminal::tell!("note: {loss}");

@@ -196,12 +196,12 @@ mod tests {
 
     #[test]
     fn a_robot_that_is_not_there_is_refused_with_those_that_are() {
-        let told =
+        let reported =
             |name: &str, framed: &[String]| named(name, &[], framed).map_err(|error| error.to_string());
-        assert_eq!(told("a", &["a".to_owned()]), Ok(Space::Chosen("/a".to_owned())));
-        let error = told("tb3_1", &["tb3_0".to_owned()]).expect_err("is not there");
+        assert_eq!(reported("a", &["a".to_owned()]), Ok(Space::Chosen("/a".to_owned())));
+        let error = reported("tb3_1", &["tb3_0".to_owned()]).expect_err("is not there");
         assert!(error.contains("did you mean 'tb3_0'"), "{error}");
-        assert!(told("x", &[]).is_err_and(|error| error.contains("leave it out")));
+        assert!(reported("x", &[]).is_err_and(|error| error.contains("leave it out")));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::path::Path as File;
 
-use roscausal_core::{Error, Result, signal::Definitions};
+use roscausal_core::{Result, signal::Definitions};
 use roscausal_msgs::dynamic::{Array, Found, Kind, Path, Query, Schema, Step, Wire};
 use roscausal_recording::{Recording, Topic};
 
@@ -126,9 +126,7 @@ pub(super) fn run(path: &File, interrupt: &Interrupt) -> Result<()> {
     let definitions = Definitions::of("");
     let mut listed: Vec<_> = topics.iter().map(|topic| Listed::of(topic, &definitions)).collect();
     for record in recording.by_ref() {
-        if interrupt.is_set() {
-            return Err(Error::Cancelled("by the user".into()));
-        }
+        interrupt.check()?;
         if let Ok(topic) = &mut listed[record.topic] {
             topic.add(&record);
         }
@@ -142,15 +140,8 @@ pub(super) fn run(path: &File, interrupt: &Interrupt) -> Result<()> {
     let names = lines.iter().filter_map(width).max().unwrap_or(0).max(6);
     let signals = lines.iter().flat_map(|(_, listed)| listed.iter()).flat_map(|listed| &listed.signals);
     let kinds = signals.map(|signal| signal.kind.len()).max().unwrap_or(0).max(4);
-    terminal::say!(
-        "{:names$}  {:kinds$}  {:>8}  {:>9}  {:>12}  {:>12}",
-        "signal",
-        "type",
-        "rate, Hz",
-        "gap, s",
-        "least",
-        "most"
-    );
+    let columns = "rate, Hz     gap, s         least          most";
+    terminal::say!("{:names$}  {:kinds$}  {columns}", "signal", "type");
     for (topic, listed) in lines {
         match listed {
             Ok(listed) => {

@@ -105,13 +105,13 @@ class Page:
         )
         time.sleep(0.5)
 
-    def violations(self):
+    def violations(self, impacts=("minor", "moderate", "serious", "critical")):
         if not self.js("typeof window.axe === 'object'"):
             # Through the browser's protocol, because the page itself may not load anything from elsewhere.
             self.driver.execute_cdp_cmd("Runtime.evaluate", {"expression": self.axe})
         found = self.driver.execute_async_script(
-            "const done = arguments[0]; axe.run().then((r) => done(r.violations.map((v) => "
-            "[v.id, v.help, v.nodes.map((n) => n.target.join(' ') + ': ' + n.failureSummary).slice(0, 5)])))"
+            "const done = arguments[0]; axe.run().then((r) => done(r.violations.filter((v) => arguments[1].includes(v.impact)).map((v) => "
+            "[v.id, v.help, v.nodes.map((n) => n.target.join(' ') + ': ' + n.failureSummary).slice(0, 5)])))".replace("arguments[1]", json.dumps(impacts))
         )
         assert found == [], json.dumps(found, indent=1)
 
@@ -310,7 +310,7 @@ class Page:
         file = (models / f"{batch}.dag.svg").read_text()
         assert arrows(file) and arrows(file) <= arrows(drawn["graph"]), (arrows(file), arrows(drawn["graph"]))
         shown = lambda: self.js("[...document.querySelectorAll('#graph .link > path[fill=none]:not(.reach, .halo)')].map((p) => p.getAttribute('stroke'))")
-        until("its arrows", lambda: {"#c2410c", "#1d4ed8"} >= set(shown()) and len(shown()) >= len(arrows(file)))
+        until("its arrows", lambda: {"#c2410c", "#1d4ed8", "#475569"} >= set(shown()) and len(shown()) >= len(arrows(file)))
 
     def a_click_on_somebody_in_the_scene_chooses_her(self):
         press = lambda id: self.driver.find_element(By.ID, id).send_keys(Keys.ENTER)
@@ -579,6 +579,17 @@ class Page:
             self.look(1440, 1000, "light")
             loud = [entry for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING", "INFO")]
             assert loud == [], loud
+
+    def the_documentation_has_nothing_serious_and_can_be_searched(self):
+        for page in ("index", "which-method", "data", "notebooks/2_your_own_data"):
+            for scheme, width in (("light", 1440), ("dark", 1440), ("light", 390)):
+                self.look(width, 900, scheme)
+                self.driver.get((Path("target/docs") / f"{page}.html").absolute().as_uri())
+                self.picture(f"docs-{page.replace('/', '-')}-{scheme}-{width}")
+                self.violations(("serious", "critical"))
+        self.look(1440, 1000, "light")
+        self.driver.get(Path("target/docs/search.html").absolute().as_uri() + "?q=rejoin_time")
+        until("results", lambda: "people" in self.js("document.getElementById('search-results').innerText").lower())
 
     def whoever_comes_after_the_end_of_a_replay_sees_all_of_it(self):
         with tempfile.TemporaryDirectory() as folder:

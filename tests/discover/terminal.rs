@@ -29,8 +29,8 @@ fn a_reader_that_has_gone_ends_nothing_and_hears_of_no_panic() {
         let mut child = command.spawn().expect("starts");
         drop(child.stdout.take());
         let out = child.wait_with_output().expect("ends");
-        let told = String::from_utf8_lossy(&out.stderr);
-        assert!(out.status.success() && !told.contains("panicked"), "{told}");
+        let reported = String::from_utf8_lossy(&out.stderr);
+        assert!(out.status.success() && !reported.contains("panicked"), "{reported}");
         assert!(dir.path().join(format).join("model.json").is_file());
     }
 }
@@ -46,10 +46,10 @@ fn a_full_disk_behind_the_output_is_one_sentence() {
             .current_dir(dir.path())
             .args(["discover", "data.csv", "--test", "parcorr", "--format", format]);
         let out = command.stdout(full).output().expect("ends");
-        let told = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(out.status.code(), Some(1), "{told}");
-        has(&told, &["error: the results cannot be written to the standard output: No space left"]);
-        assert!(!told.contains("panicked"), "{told}");
+        let reported = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(1), "{reported}");
+        has(&reported, &["error: the results cannot be written to the standard output: No space left"]);
+        assert!(!reported.contains("panicked"), "{reported}");
     }
 }
 
@@ -62,10 +62,10 @@ fn help_that_cannot_be_written_is_one_sentence_and_a_failure() {
         };
         let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("is there");
         let out = run(full.into());
-        let told = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(out.status.code(), Some(1), "{args:?}: {told}");
-        has(&told, &["error: the results cannot be written to the standard output: No space left"]);
-        assert_eq!(told.lines().count(), 1, "{told}");
+        let reported = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(1), "{args:?}: {reported}");
+        has(&reported, &["error: the results cannot be written to the standard output: No space left"]);
+        assert_eq!(reported.lines().count(), 1, "{reported}");
         let out = run(Stdio::piped());
         assert!(out.status.success() && out.stderr.is_empty(), "{args:?}");
         assert!(out.stdout.starts_with(b"roscausal ") || out.stdout.windows(6).any(|at| at == b"Usage:"));
@@ -108,25 +108,25 @@ fn numbers_out_of_range_are_bad_usage() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_an_analysis_with_code_130_and_fitting_words() {
-    let dir = folder("data.csv", &coupled(20_000));
+    let dir = folder("data.csv", &coupled(60_000));
     let mut command = Command::new(env!("CARGO_BIN_EXE_roscausal"));
     command
         .current_dir(dir.path())
-        .args(["discover", "data.csv", "--method", "pcmci", "--out", "r", "--force"]);
+        .args(["discover", "data.csv", "--method", "pcmci", "--out", "r", "--force", "--threads", "1"]);
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
     // Its own words say that it is at work.
     let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
-    let mut told = String::new();
-    while !told.contains("this will take about") {
-        told += &lines.next().unwrap_or_else(|| panic!("it ended: {told}")).expect("text");
+    let mut reported = String::new();
+    while !reported.contains("this will take about") {
+        reported += &lines.next().unwrap_or_else(|| panic!("it ended: {reported}")).expect("text");
     }
     let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill is there");
     assert!(kill.success());
-    lines.map_while(Result::ok).for_each(|line| told += &line);
+    lines.map_while(Result::ok).for_each(|line| reported += &line);
     let out = child.wait_with_output().expect("ends");
-    assert_eq!(out.status.code(), Some(130), "{told}");
-    has(&told, &["ending; there is no result yet, and nothing is written"]);
-    assert!(!told.contains("recorded") && out.stdout.is_empty(), "{told}");
+    assert_eq!(out.status.code(), Some(130), "{reported}");
+    has(&reported, &["ending; there is no result yet, and nothing is written"]);
+    assert!(!reported.contains("recorded") && out.stdout.is_empty(), "{reported}");
 }
 
 #[test]
@@ -139,31 +139,31 @@ fn out_is_checked_before_the_work_and_files_of_others_are_left_alone() {
         let out = roscausal(dir.path(), &args);
         (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned(), out.stdout.is_empty())
     };
-    let (code, told, silent) = run("mine", &[]);
-    assert!(code == Some(1) && silent, "{told}");
-    has(&told, &["there are files of others in this folder", "--force"]);
+    let (code, reported, silent) = run("mine", &[]);
+    assert!(code == Some(1) && silent, "{reported}");
+    has(&reported, &["there are files of others in this folder", "--force"]);
     assert!(!dir.path().join("mine/model.json").exists());
     assert_eq!(run("mine", &["--force"]).0, Some(0));
     assert!(dir.path().join("mine/thesis.txt").exists());
     // Our own folder may be written again.
     assert_eq!([run("new", &[]).0, run("new", &[]).0, run("mine", &[]).0], [Some(0); 3]);
-    let (code, told, silent) = run("data.csv", &[]);
-    assert!(code == Some(1) && silent, "{told}");
-    has(&told, &["data.csv", "no results can be written here"]);
+    let (code, reported, silent) = run("data.csv", &[]);
+    assert!(code == Some(1) && silent, "{reported}");
+    has(&reported, &["data.csv", "no results can be written here"]);
 }
 
 #[test]
 fn quiet_says_nothing_but_errors_and_no_file_gets_colours() {
     let dir = folder("data.csv", &coupled(300));
     fs::write(dir.path().join("roscausal.toml"), "tau-max = 2\n").expect("writes");
-    let told = |more: &[&str]| {
+    let reported = |more: &[&str]| {
         let out = roscausal(dir.path(), &[&QUICK[..], more].concat());
         assert!(!out.stdout.contains(&0x1b) && !out.stderr.contains(&0x1b), "colours in a file");
         String::from_utf8_lossy(&out.stderr).into_owned()
     };
-    has(&told(&[]), &["settings of roscausal.toml: --tau-max=2"]);
-    assert_eq!(told(&["--quiet"]), "");
-    has(&told(&["--quiet", "--alpha", "2"]), &["error: --alpha: 2 is not a level"]);
+    has(&reported(&[]), &["settings of roscausal.toml: --tau-max=2"]);
+    assert_eq!(reported(&["--quiet"]), "");
+    has(&reported(&["--quiet", "--alpha", "2"]), &["error: --alpha: 2 is not a level"]);
 }
 
 #[test]
@@ -174,9 +174,9 @@ fn a_parameter_beside_the_data_that_is_not_set_is_left_out() {
     fs::write(dir.path().join("roscausal.toml"), format!("[discovery]\n{unset}max_lag = 2\n"))
         .expect("writes");
     let out = roscausal(dir.path(), &QUICK);
-    let told = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert!(out.status.success(), "{told}");
-    has(&told, &["settings of roscausal.toml: --tau-max=2\n"]);
+    let reported = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(out.status.success(), "{reported}");
+    has(&reported, &["settings of roscausal.toml: --tau-max=2\n"]);
 }
 
 #[test]
@@ -184,15 +184,15 @@ fn shuffles_beside_the_data_are_left_out_only_where_the_named_test_draws_none() 
     let dir = folder("data.csv", &coupled(300));
     fs::write(dir.path().join("roscausal.toml"), "significance = 'shuffle'\nshuffles = 100\n")
         .expect("writes");
-    let told = |more: &[&str]| {
+    let reported = |more: &[&str]| {
         let out = roscausal(dir.path(), &[&QUICK[..], more].concat());
-        let told = String::from_utf8_lossy(&out.stderr).into_owned();
-        assert!(out.status.success(), "{told}");
-        told
+        let reported = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert!(out.status.success(), "{reported}");
+        reported
     };
-    has(&told(&[]), &["--shuffles=100", "--significance=shuffle"]);
-    has(&told(&["--significance", "shuffle"]), &["settings of roscausal.toml: --shuffles=100\n"]);
-    assert!(!told(&["--significance", "analytic"]).contains("--shuffles"));
+    has(&reported(&[]), &["--shuffles=100", "--significance=shuffle"]);
+    has(&reported(&["--significance", "shuffle"]), &["settings of roscausal.toml: --shuffles=100\n"]);
+    assert!(!reported(&["--significance", "analytic"]).contains("--shuffles"));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-"""A system whose answers are known: the robot's speed drives the distance, the distance drives her speed. As a batch and as a graph
+"""A system whose answers are known: the robot's speed drives the distance, the distance drives their speed. As a batch and as a graph
 for the reasoning node; without ROS, for both versions."""
 
 import json
@@ -10,7 +10,7 @@ NAMES = ("r_v", "d", "h_v")
 
 
 LINKS = (("r_v", "r_v"), ("d", "d"), ("h_v", "h_v"), ("r_v", "d"), ("d", "h_v"))
-#: Marks and lags that the link from the distance to her speed may have instead, as a graph may be written by hand.
+#: Marks and lags that the link from the distance to their speed may have instead, as a graph may be written by hand.
 MARKS = (("-->", 0), ("o-o", 0), ("x-x", 0))
 
 

@@ -71,7 +71,7 @@ use() { # the packages of one workspace
 # foreign messages that the wheels lack
 mkdir -p "$kept/foreign/src"
 python3 "$root/tests/interop/ros2/make_packages.py" "$root/roscausal_msgs/foreign" "$kept/foreign/src" \
-  tf2_msgs people_msgs pedsim_msgs spencer_tracking_msgs
+  nav2_msgs tf2_msgs people_msgs pedsim_msgs spencer_tracking_msgs
 stamp=$(find "$kept/foreign/src" -type f -exec cksum {} + | sort | cksum)
 if [ "$stamp" != "$(cat "$kept/foreign/built" 2>/dev/null)" ]; then
   build "$kept/foreign"

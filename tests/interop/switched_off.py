@@ -1,4 +1,4 @@
-"""Batches of post-processed variables in which the robot is switched off and nobody says so: from batch 8 on her speed no longer
+"""Batches of post-processed variables in which the robot is switched off and nobody says so: from batch 8 on their speed no longer
 moves the risk. What the discovery node has to tell of them is here, too, for both versions of ROS."""
 
 import os

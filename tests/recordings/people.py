@@ -1,7 +1,7 @@
 """Two people and a robot, seen by trackers of many types, as a ROS 1 bag and an MCAP with equal places: people.py PREFIX [SECONDS]
 
 Beside them small MCAPs of what goes wrong: PREFIX_late (who is tracked is told from the third second on), PREFIX_bodies (only bodies are
-tracked, and frames of persons stray about), PREFIX_renamed (a tracker loses one for 0.8 s and then calls her by another number).
+tracked, and frames of persons stray about), PREFIX_renamed (a tracker loses one for 0.8 s and then calls them by another number).
 
 One topic for each type, with what real trackers do: another order in each message, things that are not people, an empty list, and a
 camera that turns with the robot. The texts of the types are those of their packages.

@@ -82,11 +82,16 @@ class Processes:
         return (self.folder / (name + ".log")).read_text()[-2000:]
 
 
+# The simulator's names, under ROS 1 and under ROS 2, whose defaults differ.
+ROBOT = {"odom_topic": "/mobile_base_controller/odom", "pose_topic": "/robot_pose", "source_frame": "base_footprint",
+         "goal_topic": "/goal_pose", "goal_type": "PoseStamped"}
+
+
 def parameters(folder):
     """Parameters of each node. The simulator runs on wall time."""
     given = {
         "hrisim": {"clock": "false", "scenario": "thor", "duration": "100000"},
-        "robot": {"goal_topic": "/goal_pose", "goal_type": "PoseStamped"},
+        "robot": ROBOT,
         "human": {"source_frame": "map"},
         "data": {
             "data_dir": folder / "raw", "pp_data_dir": folder / "pp", "ts_length": LENGTH, "dt": DT, "sel_agent": "all",

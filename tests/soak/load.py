@@ -13,7 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from faults import DT, Processes, batches, command, free_port, start_master
+from faults import DT, ROBOT, Processes, batches, command, free_port, start_master
 
 NODES = ["robot", "human", "data"]
 PEOPLE = 100
@@ -41,7 +41,7 @@ def figures(pid):
 
 def start(processes, wire, program, peer, seconds, folder):
     given = {
-        "robot": {"goal_topic": "/goal_pose", "goal_type": "PoseStamped"},
+        "robot": ROBOT,
         "human": {"source_frame": "map"},
         "data": {"data_dir": folder / "raw", "pp_data_dir": folder / "pp", "ts_length": LENGTH, "dt": DT, "sel_agent": "all",
                  "signals": "[%s]" % ", ".join(SIGNALS)},

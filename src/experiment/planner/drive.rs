@@ -13,13 +13,13 @@ use roscausal_core::{
     nodes::{self as core_nodes, FEATURES_TOPIC, SceneOptions, WHAT_IF_SERVICE},
     params::Value,
 };
-use roscausal_hrisim::{Scenario, Simulation, collision::Approach, node::Publisher};
+use roscausal_hrisim::{Scenario, Simulation, node::Publisher};
 use roscausal_msgs::{Action, CostTerm, Features, Intervention, WhatIf, WhatIfRequest, WhatIfResponse};
 
 use super::{DT, FEATURES, NEAR, SPEEDS};
 use crate::{
     interrupt::Interrupt,
-    nodes::{RECORDING, set_pools, set_subjects},
+    nodes::{RECORDING, Threaded, set_pools, set_subjects},
 };
 
 /// Steps of the simulation between two choices: about twice a second.
@@ -29,6 +29,8 @@ const LONGEST_S: f64 = 900.0;
 /// How long a node may take to start, and an answer to come; real time.
 const PATIENCE: Duration = Duration::from_secs(60);
 const LOOK_AGAIN: Duration = Duration::from_millis(1);
+/// What an error calls the node that answers.
+const REASONING: &str = "the reasoning node";
 /// Seconds simulated before a batch begins.
 const WARM_UP_S: f64 = 3.0;
 
@@ -47,7 +49,7 @@ impl Policy {
     pub(super) fn name(self) -> String {
         match self {
             Self::Always(speed) => format!("always {speed} m/s"),
-            Self::Rule => format!("{} m/s within {NEAR} m of her, else {} m/s", SPEEDS[0], SPEEDS[2]),
+            Self::Rule => format!("{} m/s within {NEAR} m of them, else {} m/s", SPEEDS[0], SPEEDS[2]),
             Self::Planner => "planner that asks what if".to_owned(),
         }
     }
@@ -100,7 +102,7 @@ pub(super) fn explore(
     let run = roscausal_hrisim::node::run_lockstep(&bus, &mut simulation, 1, |_| !interrupt.is_set());
     nodes.end()?;
     run?;
-    cancelled(interrupt)?;
+    interrupt.check()?;
     let mut batches: Vec<PathBuf> = std::fs::read_dir(&processed)
         .map_err(|e| Error::file(&processed, e))?
         .flatten()
@@ -125,12 +127,8 @@ fn recording(
     set("dt", Value::Double(DT));
     set("ts_length", Value::Double(seconds));
     set("journal", Value::Bool(false));
-    set("features", Value::List(FEATURES.map(|text| Value::Str(text.to_owned())).to_vec()));
+    set("features_only", Value::List(FEATURES.map(|text| Value::Str(text.to_owned())).to_vec()));
     crate::nodes::Nodes::start(bus, &RECORDING)
-}
-
-fn cancelled(interrupt: &Interrupt) -> Result<()> {
-    if interrupt.is_set() { Err(Error::Cancelled("by the user".into())) } else { Ok(()) }
 }
 
 /// Runs the scenario until the robot has reached `legs` waypoints.
@@ -148,9 +146,9 @@ pub(super) fn trial(
     let folder = tempfile::tempdir().map_err(|e| Error::file(std::env::temp_dir(), e))?;
     let recording =
         recording(&bus, &simulation, &folder.path().join("raw"), &folder.path().join("processed"), 0.0);
-    let reasoning = if policy == Policy::Planner { Some(Reasoning::start(&bus, nodes)?) } else { None };
+    let reasoning = if policy == Policy::Planner { Some(reasoning(&bus, nodes)?) } else { None };
     let driven = drive(&bus, &mut simulation, (policy, legs), nodes, interrupt);
-    let ended = reasoning.map_or(Ok(()), Reasoning::end);
+    let ended = reasoning.map_or(Ok(()), |node| node.end(REASONING));
     recording.end().and(ended)?;
     driven
 }
@@ -170,7 +168,7 @@ fn drive(
     let origin = bus.now();
     let mut speed = own;
     while !simulation.is_over() {
-        cancelled(interrupt)?;
+        interrupt.check()?;
         if simulation.steps().is_multiple_of(CHOOSE_EVERY) {
             speed = match policy {
                 Policy::Always(speed) => speed,
@@ -208,12 +206,7 @@ impl Drive {
     fn measure(&mut self, simulation: &Simulation) {
         let sizes = SceneOptions::default();
         let Some((robot, person)) = simulation.robots.first().zip(simulation.people.first()) else { return };
-        let approach = Approach {
-            position: person.position,
-            velocity: person.velocity(),
-            other_position: robot.position,
-            other_velocity: robot.velocity(),
-        };
+        let approach = person.approach(robot.position, robot.velocity());
         self.risks.push(simulation.risk(person, sizes.obs_size, sizes.safe_dist));
         if approach.is_collision_course(sizes.obs_size, sizes.safe_dist) {
             self.collision_s += roscausal_hrisim::simulation::STEP;
@@ -240,47 +233,30 @@ impl Drive {
     }
 }
 
-/// The reasoning node on the bus, which waits for it.
-struct Reasoning {
-    node: LoopbackNode,
-    thread: thread::JoinHandle<Result<()>>,
-}
-
-impl Reasoning {
-    fn start(bus: &Loopback, nodes: &Nodes) -> Result<Self> {
-        let text = |text: String| Value::Str(text);
-        let set = |name: &str, value: Value| bus.set_node_param("reasoning", name, value);
-        let data = nodes.data.iter().map(|path| text(path.display().to_string())).collect();
-        set("graph", text(nodes.graph.display().to_string()));
-        set("data", Value::List(data));
-        set("equations", text(nodes.equations.clone()));
-        // The model stays that of the explorations.
-        set("max_samples", Value::Int(100_000));
-        set("refit_every", Value::Double(1e6));
-        set("paths", Value::Int(100));
-        set("prediction_paths", Value::Int(20));
-        set("threads", Value::Int(1));
-        let probe = bus.node("planner").advertise::<Features>(FEATURES_TOPIC, Qos::Volatile(10))?;
-        let node = bus.node("reasoning");
-        let its_own = node.clone();
-        let thread = thread::spawn(move || core_nodes::run("reasoning", &its_own));
-        let begun = Instant::now();
-        // The rows are the last thing that it subscribes.
-        while roscausal_core::middleware::Publish::subscriber_count(&probe) == 0 {
-            if thread.is_finished() || begun.elapsed() > PATIENCE {
-                node.shutdown();
-                return Self { node, thread }
-                    .end()
-                    .and(Err(Error::Middleware("the reasoning node did not start".into())));
-            }
-            thread::sleep(LOOK_AGAIN);
+/// Starts the reasoning node on the bus, which waits for it.
+fn reasoning(bus: &Loopback, nodes: &Nodes) -> Result<Threaded> {
+    let text = |text: String| Value::Str(text);
+    let set = |name: &str, value: Value| bus.set_node_param("reasoning", name, value);
+    let data = nodes.data.iter().map(|path| text(path.display().to_string())).collect();
+    set("graph", text(nodes.graph.display().to_string()));
+    set("data", Value::List(data));
+    set("equations", text(nodes.equations.clone()));
+    // The model stays that of the explorations.
+    set("max_samples", Value::Int(100_000));
+    set("refit_every", Value::Double(1e6));
+    set("paths", Value::Int(100));
+    set("prediction_paths", Value::Int(20));
+    set("threads", Value::Int(1));
+    let probe = bus.node("planner").advertise::<Features>(FEATURES_TOPIC, Qos::Volatile(10))?;
+    let node = Threaded::start(bus, "reasoning", |mw| core_nodes::run("reasoning", mw));
+    let begun = Instant::now();
+    // The rows are the last thing that it subscribes.
+    while roscausal_core::middleware::Publish::subscriber_count(&probe) == 0 {
+        if node.is_finished() || begun.elapsed() > PATIENCE {
+            let late = Error::Middleware("the reasoning node did not start".into());
+            return node.end(REASONING).and(Err(late));
         }
-        Ok(Self { node, thread })
+        thread::sleep(LOOK_AGAIN);
     }
-
-    fn end(self) -> Result<()> {
-        self.node.shutdown();
-        let died = |_| Error::Middleware("the reasoning node died; please report it".into());
-        self.thread.join().map_err(died)?
-    }
+    Ok(node)
 }

@@ -100,13 +100,11 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     };
     let trials: Vec<Trial> = runner.each(&seeds, "trials", of_seed)?.into_iter().flatten().collect();
     let markdown = table::markdown(&policies, &trials);
+    let Trained { scenario, train, .. } = trained;
+    let (seeds, legs, links) = (seeds.len(), args.legs, model::links(&found));
     let text = format!(
-        "{} trials of {} waypoints in '{}', with a model of the explorations {}.\nLinks (lag): {}.\n\n{markdown}\n",
-        seeds.len(),
-        args.legs,
-        trained.scenario,
-        trained.train,
-        model::links(&found)
+        "{seeds} trials of {legs} waypoints in '{scenario}', with a model of the explorations {train}.\nLinks (lag): {links}.\n\n\
+         {markdown}\n"
     );
     let files =
         [("model.json", found.to_file_json()), ("trials.csv", table::csv(&trials)), ("table.md", markdown)];
@@ -116,10 +114,8 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
 impl Args {
     fn check(&self) -> Result<()> {
         if !(1..=1000).contains(&self.legs) {
-            return Err(Error::param(
-                "legs",
-                format!("{} is not a number of waypoints from 1 to 1000", self.legs),
-            ));
+            let reason = format!("{} is not a number of waypoints from 1 to 1000", self.legs);
+            return Err(Error::param("legs", reason));
         }
         if !(0.0..=1e6).contains(&self.hurry) {
             return Err(Error::param("hurry", format!("{} is not a number from 0 to 1e6", self.hurry)));

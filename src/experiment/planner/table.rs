@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Policy, Trial};
+use super::{Drive, Policy, Trial};
 
 /// A row for each policy: means over the seeds, with their standard deviation.
 pub(super) fn markdown(policies: &[Policy], trials: &[Trial]) -> String {
@@ -66,19 +66,13 @@ pub(super) fn markdown(policies: &[Policy], trials: &[Trial]) -> String {
 pub(super) fn csv(trials: &[Trial]) -> String {
     let mut text = "seed,policy,seconds,mean_risk,high_risk,collision_s,nearest,asked,answered\n".to_owned();
     for trial in trials {
-        let drive = &trial.drive;
+        let Drive { collision_s, nearest, asked, answered, .. } = &trial.drive;
+        let seconds = trial.drive.seconds.map_or(String::new(), |seconds| format!("{seconds:.2}"));
+        let (policy, seed) = (trial.policy.name(), trial.seed);
+        let (mean, high) = (mean_risk(trial), high_risk(trial));
         let _ = writeln!(
             text,
-            "{},\"{}\",{},{},{},{:.2},{},{},{}",
-            trial.seed,
-            trial.policy.name(),
-            drive.seconds.map_or(String::new(), |seconds| format!("{seconds:.2}")),
-            mean_risk(trial),
-            high_risk(trial),
-            drive.collision_s,
-            drive.nearest,
-            drive.asked,
-            drive.answered
+            "{seed},\"{policy}\",{seconds},{mean},{high},{collision_s:.2},{nearest},{asked},{answered}"
         );
     }
     text

@@ -20,7 +20,7 @@ use roscausal_core::{Error, Result};
 use roscausal_discovery::{DataFrame, Model};
 use roscausal_hrisim::Scenario;
 use roscausal_reasoning::{
-    Facts, Settings as Fit, StructuralModel, default_intervention_targets, graph::Graph, model::Equations,
+    Facts, Settings as Fit, StructuralModel, default_intervention_targets, graph::Graph,
 };
 
 use super::{
@@ -111,13 +111,8 @@ fn fitted(
 ) -> Result<(Model, StructuralModel)> {
     let data = DataFrame::new(walks.to_vec(), names())?;
     let found = trained.found(&data, DT, interrupt)?;
-    let equations = match trained.equations.as_str() {
-        "linear" => Equations::Linear,
-        "gp" => Equations::Gp,
-        _ => Equations::Auto,
-    };
     let graph = Graph::of_model(&found, &[])?;
-    let fit = Fit { equations, ..Fit::default() };
+    let fit = Fit { equations: trained.equations.parse()?, ..Fit::default() };
     let model = StructuralModel::fit(&data, &graph, &fit, &default_intervention_targets())?;
     let facts = Facts::of_model(&found);
     Ok((found, model.with_facts(facts)))

@@ -9,15 +9,11 @@ use crate::experiment::model::{self, Trained};
 
 /// What the experiment found, for people.
 pub(super) fn text(figures: &Figures, found: &Model, trained: &Trained) -> String {
+    let Trained { train, method, test, equations, runner, .. } = trained;
+    let (moments, walks, links) = (figures.moments, &runner.seeds, model::links(found));
     let mut text = format!(
-        "{} moments of the walks {}, with a model of the walks {} ({} with {}, {} equations).\nLinks (lag): {}.\n\n",
-        figures.moments,
-        trained.runner.seeds,
-        trained.train,
-        trained.method,
-        trained.test,
-        trained.equations,
-        model::links(found)
+        "{moments} moments of the walks {walks}, with a model of the walks {train} ({method} with {test}, {equations} equations).\n\
+         Links (lag): {links}.\n\n"
     );
     let header: String =
         figures.cells.iter().map(|cell| format!(" {}: {} |", cell.action, cell.variable)).collect();
@@ -71,24 +67,12 @@ pub(super) fn csv(cases: &[Case]) -> String {
             for (k, real) in a.real.iter().enumerate() {
                 for (var, name) in names.iter().enumerate().take(FEATURES.len()) {
                     let numbers = [
-                        case.untouched[k][var],
-                        real[var],
-                        a.mean[k][var],
-                        a.lower[k][var],
-                        a.upper[k][var],
-                        a.mean_untouched[k][var],
-                        a.had[k][var],
-                        a.correlational[k][var],
+                        case.untouched[k][var], real[var], a.mean[k][var], a.lower[k][var], a.upper[k][var],
+                        a.mean_untouched[k][var], a.had[k][var], a.correlational[k][var],
                     ];
                     let cells: Vec<String> = numbers.iter().map(|x| format!("{x:.4}")).collect();
-                    let _ = writeln!(
-                        text,
-                        "{},{},{action},{},{name},{}",
-                        case.seed,
-                        case.start,
-                        k + 1,
-                        cells.join(",")
-                    );
+                    let (seed, start, step, cells) = (case.seed, case.start, k + 1, cells.join(","));
+                    let _ = writeln!(text, "{seed},{start},{action},{step},{name},{cells}");
                 }
             }
         }

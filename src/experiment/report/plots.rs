@@ -94,15 +94,10 @@ pub(super) fn plot(groups: &[Group<'_>], factor: Factor) -> String {
             curves: single("median", &|group| group.score().run_time_s),
         },
     ];
-    let setting = family[0].setting;
+    let Setting { scenario, method, test, risk_model, risk_lag, .. } = family[0].setting;
+    let runs = family[0].runs.len();
     let title = format!(
-        "{}: {} with {}, risk {} late by {}, {} runs per point",
-        setting.scenario,
-        setting.method.name(),
-        setting.test,
-        setting.risk_model,
-        setting.risk_lag,
-        family[0].runs.len()
+        "{scenario}: {method} with {test}, risk {risk_model} late by {risk_lag}, {runs} runs per point"
     );
     curves(&title, factor.label(), &panels)
 }

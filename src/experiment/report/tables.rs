@@ -6,14 +6,13 @@ use roscausal_core::{Error, Result};
 
 use super::{
     super::{grid::Setting, runs::Run},
-    counts::{Group, groups, wilson},
+    counts::{Group, Recall, Score, groups, wilson},
 };
 
 /// One table per setting, as Markdown.
 pub(crate) fn text(runs: &[Run]) -> String {
     let mut text = String::new();
     for group in groups(runs) {
-        let score = group.score();
         let cells = group.setting.cells();
         let [scenario, length, step, risk_model, risk_lag, method, test] = &cells;
         let _ = writeln!(
@@ -22,28 +21,21 @@ pub(crate) fn text(runs: &[Run]) -> String {
              | link | found | of | 95 % interval | in this scenario | precision |\n|---|---|---|---|---|---|"
         );
         for recall in group.recalls() {
-            let (low, high) = wilson(recall.found, recall.runs);
+            let Recall { link: (cause, effect), found, runs, .. } = &recall;
+            let (low, high) = wilson(*found, *runs);
+            let (low, high, precision) = (100.0 * low, 100.0 * high, shown(recall.precision));
             let expected = if recall.expected { "yes" } else { "no" };
-            let (cause, effect) = &recall.link;
             let _ = writeln!(
                 text,
-                "| {cause} -> {effect} | {} | {} | {:.0}-{:.0} % | {expected} | {} |",
-                recall.found,
-                recall.runs,
-                100.0 * low,
-                100.0 * high,
-                shown(recall.precision)
+                "| {cause} -> {effect} | {found} | {runs} | {low:.0}-{high:.0} % | {expected} | {precision} |"
             );
         }
-        let precision = shown(score.precision);
+        let Score { recall, precision, shd, exact, run_time_s } = group.score();
+        let (precision, runs) = (shown(precision), group.runs.len());
         let _ = writeln!(
             text,
-            "\nrecall {:.2}, precision {precision}, mean structural Hamming distance {:.2}, exact {} of {}, {:.2} s\n",
-            score.recall,
-            score.shd,
-            score.exact,
-            group.runs.len(),
-            score.run_time_s
+            "\nrecall {recall:.2}, precision {precision}, mean structural Hamming distance {shd:.2}, exact {exact} of {runs}, \
+             {run_time_s:.2} s\n"
         );
     }
     text.truncate(text.trim_end().len());

@@ -316,7 +316,8 @@ def check_rows(rows, fewest, flushed=False):
         assert all(math.isfinite(float(value)) for value in row.values() if value is not None and value != ""), row
         assert "" not in row.values(), row
         assert abs(float(row["r_v"]) - 0.5) < 1e-9 and abs(float(row["h_1000_v"]) - 1.25) < 1e-9, row
-        assert abs(float(row["r_x"]) + float(row["h_1000_x"])) < 1e-6, row
+        # A sample at most a quarter of a step away may be the row (docs/data.md), where one topic came late and the other did not.
+        assert abs(float(row["r_x"]) + float(row["h_1000_x"])) < 0.026, row
 
 
 @case

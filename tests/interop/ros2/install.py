@@ -10,7 +10,7 @@ from ament_index_python.packages import get_package_prefix, get_package_share_di
 from harness import INSTALL, test
 from launch_reader import commands
 
-NODES = ("robot", "human", "data", "discovery", "hrisim", "dashboard", "markers", "reasoning")
+NODES = ("robot", "human", "data", "discovery", "hrisim", "dashboard", "markers", "reasoning", "advisor", "watchdog")
 
 
 @test
@@ -69,6 +69,7 @@ def launch_files_name_what_is_installed():
     more = {"dashboard": "true", "markers": "true", "reasoning": "true"}
     for file, given, count in (
         ("roscausal.launch.xml", {}, 4),
+        ("roscausal.launch.xml", {"reasoning": "true", "advisor": "true"}, 7),
         ("roscausal_hrisim.launch.xml", {}, 5),
         ("roscausal_hrisim.launch.xml", more, 8),
     ):

@@ -109,7 +109,7 @@ def a_signal_of_a_type_that_only_a_msg_folder_knows_is_recorded_live():
 
 @test
 def the_robots_state_is_made_of_odometry_pose_and_goal():
-    given = ["-p", "odom_topic:=/odom", "-p", "goal_topic:=/goal_pose", "-p", "goal_type:=PoseStamped"]
+    given = ["-p", "odom_topic:=/odom", "-p", "pose_topic:=/robot_pose", "-p", "goal_topic:=/goal_pose", "-p", "goal_type:=PoseStamped"]
     with node("robot", *given), Ros() as ros:
         # a sensor's profile: best effort
         odom = ros.node.create_publisher(Odometry, "/odom", SENSOR)

@@ -21,14 +21,14 @@ def parameters(folder):
     with open(os.path.join(INSTALL, "roscausal/share/roscausal/config/hrisim.yaml")) as file:
         nodes = yaml.safe_load(file)
     dirs = {name: os.path.join(folder, name) for name in ("data_dir", "pp_data_dir", "res_dir")}
-    nodes["roscausal_data"]["ros__parameters"].update(
+    nodes["/**/roscausal_data"]["ros__parameters"].update(
         data_dir=dirs["data_dir"], pp_data_dir=dirs["pp_data_dir"], ts_length=40.0
     )
-    nodes["roscausal_discovery"]["ros__parameters"].update(
+    nodes["/**/roscausal_discovery"]["ros__parameters"].update(
         # without a filter the model always has all three variables, whatever these 40 s contain
         data_dir=dirs["pp_data_dir"], res_dir=dirs["res_dir"], cond_ind_test="parcorr", cd_method="pcmci"
     )
-    nodes["roscausal_dashboard"] = {"ros__parameters": {"port": 0}}
+    nodes["/**/roscausal_dashboard"] = {"ros__parameters": {"port": 0}}
     path = os.path.join(folder, "params.yaml")
     with open(path, "w") as file:
         yaml.safe_dump(nodes, file)

@@ -10,6 +10,7 @@ import tempfile
 import time
 
 from builtin_interfaces.msg import Time
+from nav2_msgs.msg import SpeedLimit
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
@@ -17,7 +18,6 @@ import known_system
 from harness import Program, Ros, node, test
 from roscausal_msgs.msg import Action, CausalLink, CausalModelInfo, CostTerm, Features, Intervention, Limit, Prediction, RobotState
 from roscausal_msgs.srv import Effect, Explain, WhatIf
-from std_msgs.msg import Float64
 from wire import LATCHED
 
 OK, NOT_SUPPORTED, NO_MODEL, NO_DATA, BAD_REQUEST = (getattr(WhatIf.Response, name) for name in (
@@ -73,7 +73,7 @@ def the_three_services_give_the_known_answers():
                     for name, value in zip(known_system.NAMES, row):
                         assert abs(by_name[name].mean[k] - value) < 0.08, (outlook.action, name, k, by_name[name].mean[k], value)
                 assert outlook.supported_steps == 5 and outlook.probability_limits > 0.9 and outlook.text, outlook
-            # a slow robot keeps her near, and a small distance slows her: to go on is better
+            # a slow robot keeps them near, and a small distance slows them: to go on is better
             assert list(got.ranking) == [1, 0] and got.outlooks[1].probability_best > 0.5, got
             assert any("never imposed" in caveat for caveat in got.caveats), got.caveats
 
@@ -236,11 +236,46 @@ def the_example_planner_chooses_the_speed_that_the_answers_favour():
     with tempfile.TemporaryDirectory() as folder, Ros() as ros:
         batch, graph, _ = known_system.write(folder, noise=known_system.WIDE)
         limits = []
-        ros.node.create_subscription(Float64, "/speed_limit", lambda message: limits.append(message.data), 10)
+        ros.node.create_subscription(SpeedLimit, "/speed_limit", lambda message: limits.append(message.speed_limit), 10)
         with reasoning(batch, graph, "-p", "allow_extrapolation:=true") as program, Program(planner) as chooses:
             ros.until(lambda: limits and limits[-1] == 0.8, 40, lambda: f"0.8 m/s: {limits[-3:]}\n{chooses.log()}")
             program.end()
             ros.until(lambda: limits[-1] == 0.2, 30, lambda: f"the slowest speed: {limits[-3:]}\n{chooses.log()}")
+
+
+@test
+def the_advisor_limits_nav2s_speed_and_lifts_the_limit_when_nobody_answers():
+    """As Nav2's controller server hears it: the speed that the answers favour, in per cent of the top speed; without an answer, and at the
+    end of the node, what `otherwise` says."""
+    with tempfile.TemporaryDirectory() as folder, Ros() as ros:
+        batch, graph, _ = known_system.write(folder, noise=known_system.WIDE)
+        limits = []
+        ros.node.create_subscription(SpeedLimit, "/speed_limit", limits.append, 10)
+        cost = ["-p", "cost:=['d=0.1', 'r_v=-1.0']", "-p", "rate:=5.0"]
+        with reasoning(batch, graph, "-p", "allow_extrapolation:=true") as program:
+            with node("advisor", *cost, "-p", "top_speed:=1.0", "-p", "percentage:=true", "-p", "patience:=3.0") as advisor:
+                is_best = lambda: limits and limits[-1].percentage and limits[-1].speed_limit == 80.0
+                ros.until(is_best, 40, lambda: f"80 %: {limits[-3:]}\n{advisor.log()}")
+                advisor.end()
+                ros.until(lambda: limits[-1].speed_limit == 0.0, 10, lambda: f"no limit: {limits[-3:]}\n{advisor.log()}")
+            with node("advisor", *cost, "-p", "otherwise:='0.2'") as advisor:
+                ros.until(lambda: limits[-1].speed_limit == 0.8, 40, lambda: f"0.8 m/s: {limits[-3:]}\n{advisor.log()}")
+                program.end()
+                ros.until(lambda: limits[-1].speed_limit == 0.2, 30, lambda: f"0.2 m/s: {limits[-3:]}\n{advisor.log()}")
+
+
+@test
+def the_watchdog_lifts_the_limit_of_an_advisor_that_was_killed():
+    """Nobody is left to lift the last limit, and Nav2 has no time-out for it."""
+    with Ros() as ros:
+        limits = []
+        ros.node.create_subscription(SpeedLimit, "/speed_limit", limits.append, 10)
+        with node("watchdog", "-p", "silence:=2.0", "-p", "otherwise:='0.3'") as watchdog:
+            with node("advisor", "-p", "rate:=5.0", "-p", "otherwise:='0.2'", "-p", "patience:=0.1") as advisor:
+                ros.until(lambda: len(limits) > 5, 30, lambda: f"limits: {limits[-3:]}\n{advisor.log()}")
+                assert {limit.speed_limit for limit in limits} == {0.2}, limits
+                advisor.end(signal.SIGKILL)
+            ros.until(lambda: limits[-1].speed_limit == 0.3, 20, lambda: f"0.3 m/s: {limits[-3:]}\n{watchdog.log()}")
 
 
 @test
@@ -257,7 +292,8 @@ def the_example_planner_drives_the_simulators_robot_at_the_speed_it_chose():
         ros.node.create_subscription(Features, "/roscausal/features", rows.append, STREAM)
         start = lambda name, *args: running.enter_context(node(name, *args))
         start("hrisim", "-p", "scenario:=encounters")
-        start("robot", "-p", "goal_topic:=/goal_pose", "-p", "goal_type:=PoseStamped")
+        start("robot", "-p", "odom_topic:=/mobile_base_controller/odom", "-p", "pose_topic:=/robot_pose",
+              "-p", "goal_topic:=/goal_pose", "-p", "goal_type:=PoseStamped")
         start("human", "-p", "source_frame:=map")
         start("data", "-p", f"data_dir:={folder}/raw", "-p", f"pp_data_dir:={folder}/pp", "-p", f"dt:={known_system.DT}",
               "-p", f"features:=[{', '.join(features)}]")

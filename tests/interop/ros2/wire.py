@@ -17,7 +17,7 @@ std_msgs/Float64 std_msgs/Int32MultiArray std_msgs/Float32MultiArray geometry_ms
 geometry_msgs/PoseStamped geometry_msgs/PoseArray geometry_msgs/PoseWithCovarianceStamped
 geometry_msgs/TransformStamped geometry_msgs/Twist nav_msgs/Odometry tf2_msgs/TFMessage sensor_msgs/Image
 sensor_msgs/CompressedImage rosgraph_msgs/Clock diagnostic_msgs/DiagnosticArray visualization_msgs/MarkerArray
-people_msgs/People pedsim_msgs/AgentStates pedsim_msgs/TrackedPersons pedsim_msgs/Waypoints
+people_msgs/People nav2_msgs/SpeedLimit pedsim_msgs/AgentStates pedsim_msgs/TrackedPersons pedsim_msgs/Waypoints
 pedsim_msgs/LineObstacles spencer_tracking_msgs/TrackedPersons""".split()
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)

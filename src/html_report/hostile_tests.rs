@@ -8,7 +8,7 @@ use roscausal_discovery::{Control, DataFrame, Settings, analyse_with_evidence, m
 use super::{latex, page, source};
 use crate::{
     folders::EVIDENCE,
-    hostile::{JSON, run},
+    hostile_tests::{JSON, run},
 };
 
 /// A model with links within a moment, and its evidence, as files.
@@ -37,7 +37,7 @@ fn a_hostile_model_or_evidence_is_refused_or_a_report() {
     let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).expect("a file");
     let [model, evidence] = analysed();
     let report = || {
-        let material = source::of_folder(folder.path()).ok()?;
+        let material = source::stored(folder.path()).ok()?;
         let _ = (page::html(&material), latex::table(&material.model), latex::tikz(&material.model));
         Some(material)
     };

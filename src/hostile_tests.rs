@@ -2,11 +2,10 @@
 
 use std::{ffi::OsString, fs};
 
-use clap::CommandFactory;
 use roscausal_discovery::draw;
 use roscausal_fuzz::{Allocator, InputFile, Target};
 
-use crate::{carried, cli::Cli, export, folders::read_model, presets, report};
+use crate::{carried, cli::command, export, folders::read_model, presets, report};
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
@@ -50,7 +49,7 @@ fn hostile_settings_beside_the_data_are_refused_or_become_flags() {
     fs::write(folder.path().join("walk.bag"), "#ROSBAG V2.0\n").expect("a recording");
     let lines = ["table.csv", "walk.bag"].map(|data| {
         let words = ["roscausal".into(), "discover".into(), folder.path().join(data).into_os_string()];
-        let matches = Cli::command().try_get_matches_from(&words).expect("a command line");
+        let matches = command().try_get_matches_from(&words).expect("a command line");
         (words, matches)
     });
     // The table of all flags, made anew for each line.
@@ -59,8 +58,8 @@ fn hostile_settings_beside_the_data_are_refused_or_become_flags() {
             fs::write(folder.path().join(name), input).expect("the settings");
         }
         for (line, matches) in &lines {
-            let whole: Option<(Vec<OsString>, _)> = presets::apply(line, matches, &Cli::command()).ok();
-            drop(whole.map(|(whole, _)| Cli::command().try_get_matches_from(whole)));
+            let whole: Option<(Vec<OsString>, _)> = presets::apply(line, matches, &command()).ok();
+            drop(whole.map(|(whole, _)| command().try_get_matches_from(whole)));
         }
     });
 }

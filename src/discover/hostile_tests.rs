@@ -4,7 +4,7 @@ use clap::Parser;
 use roscausal_fuzz::InputFile;
 
 use super::MethodArgs;
-use crate::hostile::{TOML, run};
+use crate::hostile_tests::{TOML, run};
 
 #[derive(Parser)]
 struct Line {
