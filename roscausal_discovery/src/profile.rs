@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     later::Later,
-    numeric::rows::{dot, is_constant, long_run_variance, moments, standardize},
+    numeric::rows::{cumulated, dot, is_constant, long_run_variance, moments, standardize},
     season::Season,
     types::{DataFrame, Named, names::plain, same_value},
     unsteady::Unsteady,
@@ -314,14 +314,7 @@ fn kpss(column: &ArrayView1<'_, f64>) -> Option<f64> {
     }
     let off: Vec<f64> = means.iter().map(|v| v - mean).collect();
     let long_run = long_run_variance(&off);
-    let mut sum = 0.0;
-    let squares: f64 = off
-        .iter()
-        .map(|v| {
-            sum += v;
-            sum * sum
-        })
-        .sum();
+    let squares: f64 = cumulated(&off).iter().map(|sum| sum * sum).sum();
     (long_run > 0.0).then(|| squares / (n as f64).powi(2) / long_run)
 }
 

@@ -12,15 +12,17 @@
 //! Example: two people of whom one walks twice as fast are compared with J-PCMCI+, so that the difference makes no link.
 
 use crate::{
-    effort::Effort, independence_tests::regression_ci::categories, levels::levels_differ, methods::Method,
-    profile::DataProfile, settings::Settings, types::DataFrame,
+    effort::Effort,
+    independence_tests::regression_ci::{MOST_VALUES, categories},
+    levels::levels_differ,
+    methods::Method,
+    profile::DataProfile,
+    settings::Settings,
+    types::DataFrame,
 };
 
 /// Seconds that an analysis may take before a faster test is advised.
 const PATIENCE_S: f64 = 600.0;
-/// So many different values of a variable are counted.
-const MOST_CATEGORIES: usize = 10;
-
 /// Samples for each degree of freedom below which gsquared misses links.
 const ENOUGH: usize = 5;
 
@@ -147,11 +149,11 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
     answer("parcorr", format!("parcorr: {slow}; effects that are not linear may be missed"))
 }
 
-/// The different values of a variable, one more than [`MOST_CATEGORIES`] at most.
+/// The different values of a variable, one more than [`MOST_VALUES`] at most.
 fn values(data: &DataFrame, var: usize) -> Vec<f64> {
     let mut seen: Vec<f64> = Vec::new();
     for value in data.recordings().iter().flat_map(|r| r.column(var).to_vec()).filter(|v| !v.is_nan()) {
-        if seen.len() <= MOST_CATEGORIES && !seen.contains(&value) {
+        if seen.len() <= MOST_VALUES && !seen.contains(&value) {
             seen.push(value);
         }
     }

@@ -14,7 +14,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    numeric::rows::{dot, long_run_variance, moments},
+    numeric::rows::{cumulated, dot, long_run_variance, moments},
     types::{DataFrame, Named, names::plain},
 };
 
@@ -152,22 +152,14 @@ fn change(cause: &Fresh, effect: &Fresh, lag: usize, critical: f64) -> Option<(u
     }
     let [x, y] = [x, y].map(|of| rows.iter().map(|&row| of[row]).collect::<Vec<f64>>());
     let products: Vec<f64> = x.iter().zip(&y).map(|(x, y)| x * y).collect();
-    let mean = products.iter().sum::<f64>() / n as f64;
-    let mut sum = 0.0;
-    let sums: Vec<f64> = products
-        .iter()
-        .map(|product| {
-            sum += product - mean;
-            sum
-        })
-        .collect();
-    let shortest = (SHORTEST * n as f64) as usize;
-    let last = (shortest..n - shortest).max_by(|a, b| sums[*a].abs().total_cmp(&sums[*b].abs()))?;
-    let (before, after) = products.split_at(last + 1);
     let off = |part: &[f64]| {
         let mean = part.iter().sum::<f64>() / part.len() as f64;
         part.iter().map(|product| product - mean).collect::<Vec<_>>()
     };
+    let sums = cumulated(&off(&products));
+    let shortest = (SHORTEST * n as f64) as usize;
+    let last = (shortest..n - shortest).max_by(|a, b| sums[*a].abs().total_cmp(&sums[*b].abs()))?;
+    let (before, after) = products.split_at(last + 1);
     let statistic =
         dot(&sums, &sums) / (n as f64).powi(2) / long_run_variance(&[off(before), off(after)].concat());
     let (before, after) =

@@ -11,6 +11,7 @@ use roscausal_core::{
     gate::lock,
     loopback::{Loopback, LoopbackNode, LoopbackPublisher, LoopbackSubscription},
     middleware::{Middleware, Publish, Qos, Raw, RawType},
+    nodes::labels,
     signal::Definitions,
 };
 use roscausal_msgs::{
@@ -32,18 +33,12 @@ use super::{
 const AFTER_HOLE_NS: i64 = 60 * 1_000_000_000;
 /// A longer hole, of a month, is shortened to that.
 const LONGEST_HOLE_NS: i64 = 30 * 86_400 * 1_000_000_000;
-/// What the human node calls its list of names, and the numbers that seem to be of one person, in diagnostics.
-const NAMES: &str = "numbers of names";
-const CHANGED: &str = "numbers that changed";
-/// What the data node says of rows and sightings.
-const PER_ROW: &str = "sightings for 100 rows";
-const AHEAD: &str = "reach ahead of rows, 1/1000 of a step";
-const FOLLOWS: &str = "rows in which the robot follows, of 100 in which both move";
 /// With fewer sightings for each row, rows are closer than sightings, of which a few may be lost.
 const ENOUGH: f64 = 0.85;
 /// Rows that reach farther ahead make links at lag 0 in a recording of 1200 rows (`roscausal_core/examples/sightings.rs`). Steps.
 const FAR_AHEAD: f64 = 0.05;
-const SAID: [&str; 5] = [NAMES, CHANGED, PER_ROW, AHEAD, FOLLOWS];
+/// What of the nodes' diagnostics is kept.
+const SAID: [&str; 5] = [labels::NAMES, labels::CHANGED, labels::PER_ROW, labels::AHEAD, labels::FOLLOWS];
 type Troubles = Arc<Mutex<BTreeMap<String, String>>>;
 
 /// A recording that is ready to be played. The bus's clock stands at its beginning.

@@ -10,7 +10,7 @@ use roscausal_msgs::{
 use super::{
     data_params::{recorder, signals, specs, writer},
     health::Health,
-    in_namespace, to_its_end,
+    in_namespace, labels, to_its_end,
 };
 use crate::{
     Result,
@@ -241,9 +241,9 @@ fn report<M: Middleware>(
         ("rows recorded", counts.rows),
         ("rows of the open batch", recorder.progress().0 as u64),
         ("rows of a batch", recorder.progress().1.unwrap_or(0) as u64),
-        ("sightings for 100 rows", (100.0 * per_row).round() as u64),
-        ("reach ahead of rows, 1/1000 of a step", (1000.0 * ahead).round() as u64),
-        ("rows in which the robot follows, of 100 in which both move", recorder.follows()),
+        (labels::PER_ROW, (100.0 * per_row).round() as u64),
+        (labels::AHEAD, (1000.0 * ahead).round() as u64),
+        (labels::FOLLOWS, recorder.follows()),
         ("batches written", status.written),
         ("batches post-processed", status.processed),
         ("post-processings failed", status.failed),

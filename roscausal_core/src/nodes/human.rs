@@ -13,7 +13,7 @@ use roscausal_msgs::{
     tf2_msgs::TFMessage,
 };
 
-use super::{health::Health, in_namespace, to_its_end};
+use super::{health::Health, in_namespace, labels, to_its_end};
 use crate::{
     Error, Result,
     batch::Select,
@@ -201,8 +201,8 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
                 ("no transform in time", tracker.without_transform.to_string()),
                 ("without stamp", unstamped.to_string()),
                 ("seen twice at one stamp", tracker.repeated.to_string()),
-                ("numbers of names", tracker.identities.names.reported()),
-                ("numbers that changed", tracker.identities.changed()),
+                (labels::NAMES, tracker.identities.names.reported()),
+                (labels::CHANGED, tracker.identities.changed()),
                 (
                     "not readable",
                     readers.iter().map(|(_, reader)| reader.unreadable()).sum::<u64>().to_string(),

@@ -52,6 +52,20 @@ pub use recorded_changes::{CHANGES_FOLDER, RecordedChange, recorded_changes};
 pub use robot::robot;
 pub use scene_params::SceneOptions;
 
+/// Labels of what nodes say of a recording in diagnostics.
+pub mod labels {
+    /// The human node: its list of names, and numbers that seem to be of one person.
+    pub const NAMES: &str = "numbers of names";
+    /// Numbers that began where another had ended.
+    pub const CHANGED: &str = "numbers that changed";
+    /// The data node: how close rows are, compared with sightings.
+    pub const PER_ROW: &str = "sightings for 100 rows";
+    /// How much later than a row its values may be seen.
+    pub const AHEAD: &str = "reach ahead of rows, 1/1000 of a step";
+    /// How much of the time the robot keeps following people.
+    pub const FOLLOWS: &str = "rows in which the robot follows, of 100 in which both move";
+}
+
 /// Expands `~` to the home folder.
 pub(crate) fn path(text: &str) -> PathBuf {
     match (text.strip_prefix("~/"), std::env::var_os("HOME")) {

@@ -13,10 +13,11 @@ use std::collections::HashSet;
 use self::beforehand::Beforehand;
 use crate::{
     evidence::{Evidence, Known},
+    independence_tests::regression_ci::MOST_VALUES,
     methods::{FpcmciResult, PcmciResult, Status},
     model::{Matrices, Model, Outcome, nested},
     transfer_entropy::TeEstimator,
-    types::{CondIndTest, Control, DataFrame, Error, LinkMark, Named, Result, Samples},
+    types::{CondIndTest, Control, DataFrame, Error, LinkMark, Named, Result, Samples, names},
 };
 
 /// Analyses `data` with `settings` under `control`: from data to model in one call.
@@ -122,12 +123,13 @@ fn check_levels(data: &DataFrame, test: &dyn CondIndTest, known: &[String]) -> R
     if !matches!(test.name(), "gsquared" | "cmisymb") {
         return Ok(());
     }
-    for (var, name) in data.var_names().iter().enumerate().filter(|(_, name)| !known.contains(name)) {
+    let known: Vec<_> = known.iter().map(|name| names::position(data.var_names(), name)).collect();
+    for (var, name) in data.var_names().iter().enumerate().filter(|(var, _)| !known.contains(&Some(*var))) {
         let values = data.recordings().iter().flat_map(|recording| recording.column(var).to_vec());
         let values: Vec<f64> = values.filter(|v| v.is_finite()).collect();
         let levels = values.iter().map(|v| (v + 0.0).to_bits()).collect::<HashSet<_>>().len();
         let are_whole = values.iter().all(|v| v.fract() == 0.0);
-        if values.len() < FEWEST_OF_A_LEVEL * levels && (!are_whole || levels > MOST_WHOLE_LEVELS) {
+        if values.len() < FEWEST_OF_A_LEVEL * levels && (!are_whole || levels > MOST_VALUES) {
             return Err(Error::Data(format!(
                 "{} is a test of categories, but '{name}' has {levels} different values in {} samples, so it is a measurement; \
                  take a test of numbers (parcorr, gpdc or cmiknn), or bring it to a few levels, as round({name}) does; if its \
@@ -143,8 +145,6 @@ fn check_levels(data: &DataFrame, test: &dyn CondIndTest, known: &[String]) -> R
 
 /// Samples of a category that the G test needs on average (McDonald 2014, "Small numbers").
 const FEWEST_OF_A_LEVEL: usize = 5;
-/// So many whole numbers may be categories, however few samples there are.
-const MOST_WHOLE_LEVELS: usize = 10;
 
 /// F-PCMCI: the model keeps the variables that have a link; the others are listed as dropped.
 fn filtered(

@@ -34,7 +34,7 @@ use crate::{
 };
 
 /// Different values up to which a variable of whole numbers is one of categories.
-const MOST_VALUES: usize = 10;
+pub(crate) const MOST_VALUES: usize = 10;
 /// Samples for each degree of freedom below which chi-squared finds too much between categories.
 const ENOUGH: usize = 20;
 /// Part of the variance that rounding leaves of a perfect fit.

@@ -310,20 +310,12 @@ impl<'a> Facts<'a> {
         } else {
             reported.extend(self.left_to_chance(claims));
         }
-        let profile = model.about_data.as_ref();
         if model.status != Status::Complete {
             reported.push(format!("This result is {}.", model.status));
         }
-        reported.extend(
-            profile
-                .and_then(|profile| Later::found(&profile.later, model.dt))
-                .map(|found| format!("Seen, but not tested: {found}.")),
-        );
-        let of_profile: Vec<String> = profile.map_or(Vec::new(), |profile| {
-            let season = profile.season.as_ref().map(|season| season.found(model.dt));
-            [season, Unsteady::found(&profile.unsteady, model.dt)].into_iter().flatten().collect()
-        });
-        reported.extend(of_profile.into_iter().map(|found| found + "."));
+        let [later, season, unsteady] = self.seen();
+        reported.extend(later.map(|found| format!("Seen, but not tested: {found}.")));
+        reported.extend([season, unsteady].into_iter().flatten().map(|found| found + "."));
         if self.links.is_empty() {
             reported.extend(self.missed());
         }
@@ -549,13 +541,17 @@ impl<'a> Facts<'a> {
         Some(format!("Record longer for {cause} -> {effect} ({after}): {}.", open.sentence))
     }
 
+    /// What the data have of longer lags, of a period and of changes.
+    fn seen(&self) -> [Option<String>; 3] {
+        let Some(profile) = &self.model.about_data else { return [const { None }; 3] };
+        let dt = self.model.dt;
+        let season = profile.season.as_ref().map(|season| season.found(dt));
+        [Later::found(&profile.later, dt), season, Unsteady::found(&profile.unsteady, dt)]
+    }
+
     fn about_data(&self) -> Option<String> {
-        let model = self.model;
-        let profile = model.about_data.as_ref()?;
-        let of_later = Later::found(&profile.later, model.dt);
-        let of_season = profile.season.as_ref().map(|season| season.found(model.dt));
-        let of_changes = Unsteady::found(&profile.unsteady, model.dt);
-        let concluded: Vec<String> = of_later.into_iter().chain(of_season).chain(of_changes).collect();
+        let profile = self.model.about_data.as_ref()?;
+        let concluded: Vec<String> = self.seen().into_iter().flatten().collect();
         let stated = |remark: &&String| !concluded.iter().any(|found| remark.starts_with(found));
         let remarks: Vec<&str> = profile.remarks.iter().filter(stated).map(String::as_str).collect();
         let fewest = profile.variables.iter().map(|variable| variable.effective_samples);

@@ -137,6 +137,16 @@ pub(crate) fn standardized(row: &[f64]) -> Vec<f64> {
     let scale = if deviation > 0.0 { deviation } else { 1.0 };
     row.iter().map(|v| (v - mean) / scale).collect()
 }
+
+/// The sum of each value and all before it.
+pub(crate) fn cumulated(row: &[f64]) -> Vec<f64> {
+    let added = |sum: &mut f64, value: &f64| {
+        *sum += value;
+        Some(*sum)
+    };
+    row.iter().scan(0.0, added).collect()
+}
+
 /// The variance that a mean of so many values has, times their number (Bartlett's weights); `off` are differences from the mean.
 pub(crate) fn long_run_variance(off: &[f64]) -> f64 {
     let n = off.len();
