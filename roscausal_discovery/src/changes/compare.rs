@@ -15,6 +15,9 @@ use crate::{
     types::{DataFrame, MaskType, Node, Result},
 };
 
+/// Level at which the newest batch must show a change alone.
+const ALONE: f64 = 0.01;
+
 /// The batches before and those after, which are compared.
 pub(super) type Groups<'a> = (&'a [&'a Batch], &'a [&'a Batch]);
 
@@ -130,6 +133,65 @@ impl Comparison<'_> {
         found.iter_mut().for_each(|link| link.p = self.baseline.p_value(link.at, link.z));
         corrected(&mut found);
         Ok(found)
+    }
+}
+
+/// What has changed between two groups.
+pub(super) struct Changed {
+    /// The links, and what each of them is now.
+    pub(super) found: Vec<Difference>,
+    /// The conditions, with these links.
+    pub(super) mechanisms: Mechanisms,
+    /// What the groups say of all links.
+    pub(super) all: Vec<Difference>,
+}
+
+impl Comparison<'_> {
+    /// The links that differ between the groups at `level`, alike in the newest batch alone, most certain first. A link joins the conditions of its effect once it is found, so that the next one is a change of its own. The first one
+    /// must have been `suspected` in the same direction; `known` ones, and other lags of a pair, are not told again.
+    pub(super) fn changed(
+        &self,
+        (before, after): Groups<'_>,
+        mut mechanisms: Mechanisms,
+        level: f64,
+        known: &[Place],
+        suspected: Option<&[Difference]>,
+    ) -> Result<Changed> {
+        let (mut found, mut all): (Vec<Difference>, Option<Vec<Difference>>) = (Vec::new(), None);
+        let Some(newest) = after.last() else { return Ok(Changed { found, mechanisms, all: Vec::new() }) };
+        known.iter().for_each(|at| mechanisms.add(*at));
+        loop {
+            let together = self.differences((before, after), &mechanisms)?;
+            let alone = self.differences((before, &[newest]), &mechanisms)?;
+            let is_told = |at: Place| {
+                let told = known.iter().copied().chain(found.iter().map(|told| told.at));
+                // One curve that changes may show in those of other causes.
+                let is_same = |told: Place| told.cause == at.cause || self.form == Form::Curve;
+                told.into_iter().any(|told| told.effect == at.effect && is_same(told))
+            };
+            let is_alike =
+                |a: &Difference, b: &Difference| self.form == Form::Curve || a.rises() == b.rises();
+            let is_suspected = |of: &Difference| match suspected {
+                Some(all) if found.is_empty() => {
+                    all.iter().any(|seen| seen.at == of.at && is_alike(seen, of))
+                }
+                _ => true,
+            };
+            let shown = together.iter().filter(|of| of.q <= level && !is_told(of.at) && is_suspected(of));
+            let shown = shown.filter_map(|of| {
+                let next = alone.iter().find(|next| next.at == of.at)?;
+                (next.p <= ALONE && is_alike(next, of)).then_some((*of, *next))
+            });
+            let Some((of, next)) = shown.min_by(|(a, _), (b, _)| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)))
+            else {
+                return Ok(Changed { found, mechanisms, all: all.unwrap_or(together) });
+            };
+            // An earlier batch may have old rows: what the link is now, the newest one tells alone.
+            let next = self.described(next, (before, &[newest]), &mechanisms);
+            found.push(Difference { p: of.p, q: of.q, ..next });
+            mechanisms.add(of.at);
+            all.get_or_insert(together);
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     baseline::Baseline,
     batch::Batch,
+    compare::{Changed, Groups},
     curves,
     event::{ChangeEvent, Form, Status},
     place::Place,
@@ -27,8 +28,10 @@ const LOCATED_IN: usize = 5;
 const REMEMBERED: usize = 8;
 /// Most rows of a regime of curves.
 const MOST_ROWS_OF_CURVES: usize = 1000;
-/// Level at which the batch after a suspected one must show the change alone.
-const ALONE: f64 = 0.01;
+/// Batches that may leave a suspicion open.
+const MORE: usize = 1;
+/// Batches after a change in which what else changed with it is looked for.
+const LOOKS: usize = 4;
 
 with_defaults! {
     /// The levels of the two stages, corrected for the number of links.
@@ -60,16 +63,29 @@ pub struct Detector {
     /// Earlier regimes, oldest first.
     closed: VecDeque<(usize, Vec<Batch>)>,
     held: Option<Suspicion>,
+    /// What the newest regime is known to have begun with.
+    #[serde(default)]
+    begun: Begun,
     #[serde(default, alias = "yardstick")]
     baseline: Baseline,
     rows: usize,
     reported: usize,
 }
 
+/// The links that changed when the present regime began, and the batches in which more are looked for.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Begun {
+    links: Vec<Place>,
+    looks: usize,
+}
+
 /// A batch that seems to differ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Suspicion {
     batch: Batch,
+    /// The batches after it that left the suspicion open.
+    #[serde(default)]
+    more: Vec<Batch>,
     /// The links that differ in it, most certain first, and the id of the event of those that were told.
     links: Vec<(Difference, Option<String>)>,
     /// How far each link was from the regime.
@@ -107,6 +123,7 @@ impl Detector {
             since: 0,
             closed: VecDeque::new(),
             held: None,
+            begun: Begun::default(),
             baseline: Baseline::default(),
             rows: 0,
             reported: 0,
@@ -178,7 +195,7 @@ impl Detector {
         self.exogenous.push(self.names.len());
         self.names.push(name.to_owned());
         let closed = self.closed.iter_mut().flat_map(|(_, batches)| batches);
-        let held = self.held.iter_mut().map(|held| &mut held.batch);
+        let held = self.held.iter_mut().flat_map(|held| held.more.iter_mut().chain([&mut held.batch]));
         self.regime.iter_mut().chain(closed).chain(held).for_each(Batch::extend);
     }
 
@@ -270,12 +287,40 @@ impl Detector {
         let mut events = Vec::new();
         if let Some(held) = self.held.take() {
             match self.decide(held, &batch, control, &mut events)? {
-                Some(held) => self.join(held),
+                Some(held) => held.into_iter().for_each(|batch| self.join(batch)),
                 None => return Ok(events),
             }
         }
+        self.look_again(&batch, control, &mut events)?;
         self.suspect(batch, control, &mut events)?;
         Ok(events)
+    }
+
+    /// What else changed when the present regime began: the newest batches may show what the first ones did not.
+    fn look_again(&mut self, newest: &Batch, control: &Control, events: &mut Vec<ChangeEvent>) -> Result<()> {
+        let (Some((_, before)), true) = (self.closed.back(), self.begun.looks > 0) else { return Ok(()) };
+        let before: Vec<&Batch> = before.iter().collect();
+        let after: Vec<&Batch> = self.regime.iter().chain([newest]).collect();
+        let groups = (before.as_slice(), after.as_slice());
+        let comparison = self.comparison(control);
+        let mechanisms = comparison.mechanisms(groups.0, groups.1)?;
+        if mechanisms.incomparable {
+            return Ok(());
+        }
+        let Changed { found, mechanisms, .. } =
+            comparison.changed(groups, mechanisms, self.levels.confirm, &self.begun.links, None)?;
+        let mut reported = Vec::new();
+        for difference in &found {
+            let mut event = self.event(self.next_id(reported.len()), Status::Confirmed, difference);
+            event.changed_between = located(&comparison, groups, difference.at, &mechanisms);
+            event.regime = Some(self.number);
+            reported.push(event);
+        }
+        self.reported += reported.len();
+        self.begun.looks -= 1;
+        self.begun.links.extend(found.iter().map(|difference| difference.at));
+        events.extend(reported);
+        Ok(())
     }
 
     fn comparison<'a>(&'a self, control: &'a Control) -> Comparison<'a> {
@@ -327,59 +372,51 @@ impl Detector {
         }
         events.extend(pushed.into_iter().map(|(id, of)| self.event(id, Status::Suspected, &of)));
         self.reported = reported;
-        self.held = Some(Suspicion { batch, links, all });
+        self.held = Some(Suspicion { batch, more: Vec::new(), links, all });
         Ok(())
     }
 
-    /// Stage two: what the next batch says of a suspicion. Returns the batch that was held back if nothing is confirmed.
+    /// Stage two: what the next batch says of a suspicion. Returns the batches that were held back if it is withdrawn.
     fn decide(
         &mut self,
-        held: Suspicion,
+        mut held: Suspicion,
         next_batch: &Batch,
         control: &Control,
         events: &mut Vec<ChangeEvent>,
-    ) -> Result<Option<Batch>> {
+    ) -> Result<Option<Vec<Batch>>> {
         let regime: Vec<&Batch> = self.regime.iter().collect();
-        let both = [&held.batch, next_batch];
+        let both: Vec<&Batch> = [&held.batch].into_iter().chain(&held.more).chain([next_batch]).collect();
         let comparison = self.comparison(control);
         let mechanisms = comparison.mechanisms(&regime, &both)?;
-        let together = comparison.differences((&regime, &both), &mechanisms)?;
-        let alone = comparison.differences((&regime, &[next_batch]), &mechanisms)?;
-        let of = |all: &[Difference], at: Place| all.iter().find(|difference| difference.at == at).copied();
-        let mut confirmed: Vec<Difference> = Vec::new();
-        for (seen, _) in &held.links {
-            let (Some(both), Some(next)) = (of(&together, seen.at), of(&alone, seen.at)) else { continue };
-            if both.q <= self.levels.confirm
-                && next.p <= ALONE
-                && (self.form == Form::Curve || next.rises() == seen.rises() && both.rises() == seen.rises())
-            {
-                // The batch that was held back may have old rows: what the link is now, the later one tells alone.
-                let next = comparison.described(next, (&regime, &[next_batch]), &mechanisms);
-                confirmed.push(Difference { p: both.p, q: both.q, ..next });
-            }
+        let groups = (regime.as_slice(), both.as_slice());
+        let suspected: Vec<Difference> = held.links.iter().map(|(seen, _)| *seen).collect();
+        let Changed { found: confirmed, mechanisms, all: together } =
+            comparison.changed(groups, mechanisms, self.levels.confirm, &[], Some(&suspected))?;
+        let is_open = |(seen, _): &(Difference, Option<String>)| {
+            let now = together.iter().find(|now| now.at == seen.at);
+            now.is_some_and(|now| {
+                now.q <= self.levels.suspect && (self.form == Form::Curve || now.rises() == seen.rises())
+            })
+        };
+        if confirmed.is_empty() && held.more.len() < MORE && held.links.iter().any(is_open) {
+            held.more.push(next_batch.clone());
+            self.held = Some(held);
+            return Ok(None);
         }
-        confirmed.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));
-        let mut effects = Vec::new();
-        confirmed.retain(|difference| {
-            let is_first = !effects.contains(&difference.at.effect);
-            effects.push(difference.at.effect);
-            is_first
-        });
-        let located: Vec<&Batch> =
-            regime.iter().rev().take(LOCATED_IN - 2).rev().copied().chain(both).collect();
-        let mut reported = Vec::new();
+        let (mut effects, mut reported, mut more) = (Vec::new(), Vec::new(), 0);
         for difference in &confirmed {
-            let id = held
-                .links
-                .iter()
-                .find_map(|(seen, id)| id.clone().filter(|_| seen.at.effect == difference.at.effect));
-            let mut event = self.event(id.unwrap_or_default(), Status::Confirmed, difference);
-            let curve = match self.form {
-                Form::Slope => None,
-                Form::Curve => curves::curve_of(&comparison, (&regime, &[next_batch]), difference.at),
+            let of_effect = |(seen, id): &(Difference, Option<String>)| {
+                id.clone().filter(|_| seen.at.effect == difference.at.effect)
             };
-            event.changed_between =
-                when::between(&comparison, &located, difference.at, &mechanisms, curve.as_ref());
+            // A second change of an effect was not suspected by itself.
+            let known = held.links.iter().find_map(of_effect);
+            let id = known.filter(|_| !effects.contains(&difference.at.effect)).unwrap_or_else(|| {
+                more += 1;
+                self.next_id(more - 1)
+            });
+            effects.push(difference.at.effect);
+            let mut event = self.event(id, Status::Confirmed, difference);
+            event.changed_between = located(&comparison, groups, difference.at, &mechanisms);
             event.regime = Some(self.number + 1);
             event.same_as = self.known_regime(&comparison, &both)?;
             reported.push(event);
@@ -387,7 +424,7 @@ impl Detector {
         for (seen, id) in &held.links {
             let Some(id) = id.clone().filter(|_| !effects.contains(&seen.at.effect)) else { continue };
             // What cannot be compared any more is told with the slopes of the suspicion.
-            let difference = of(&together, seen.at).unwrap_or(*seen);
+            let difference = together.iter().find(|now| now.at == seen.at).copied().unwrap_or(*seen);
             let difference = comparison.described(difference, (&regime, &both), &mechanisms);
             reported.push(self.event(id, Status::Withdrawn, &difference));
         }
@@ -396,13 +433,17 @@ impl Detector {
         events.extend(reported);
         if confirmed.is_empty() {
             self.baseline.add(held.all);
-            return Ok(Some(held.batch));
+            return Ok(Some([held.batch].into_iter().chain(held.more).collect()));
         }
         self.since = since;
+        self.reported += more;
+        let looks = if self.form == Form::Curve { 0 } else { LOOKS };
+        self.begun = Begun { links: confirmed.iter().map(|difference| difference.at).collect(), looks };
         self.baseline.forget();
         // Rows from before the change would make the new regime differ from what follows.
-        let held = held.batch.without_rows_before(since, 2 * self.tau_max);
-        self.begin_regime(held.into_iter().chain([next_batch.clone()]).collect());
+        let held = [held.batch].into_iter().chain(held.more);
+        let held = held.filter_map(|batch| batch.without_rows_before(since, 2 * self.tau_max));
+        self.begin_regime(held.chain([next_batch.clone()]).collect());
         Ok(None)
     }
 
@@ -441,6 +482,11 @@ impl Detector {
         }
     }
 
+    /// The id of the event after `more` others that are not counted yet.
+    fn next_id(&self, more: usize) -> String {
+        format!("change-{}", self.reported + more + 1)
+    }
+
     fn event(&self, id: String, status: Status, difference: &Difference) -> ChangeEvent {
         let Difference { at, before, after, kind, p, .. } = *difference;
         ChangeEvent {
@@ -460,4 +506,21 @@ impl Detector {
             same_as: None,
         }
     }
+}
+
+/// The rows between which a link changed, in the newest batches of the two groups.
+fn located(
+    comparison: &Comparison<'_>,
+    groups: Groups<'_>,
+    at: Place,
+    mechanisms: &Mechanisms,
+) -> Option<[usize; 2]> {
+    let (before, after) = groups;
+    let [.., newest] = after else { return None };
+    let batches: Vec<&Batch> = before.iter().rev().take(LOCATED_IN - 2).rev().chain(after).copied().collect();
+    let curve = match comparison.form {
+        Form::Slope => None,
+        Form::Curve => curves::curve_of(comparison, (before, &[newest]), at),
+    };
+    when::between(comparison, &batches, at, mechanisms, curve.as_ref())
 }

@@ -9,6 +9,8 @@
 //! 3. The next batch decides. If the link differs in both batches together at [`Levels::confirm`], in the new one alone, and in
 //!    the same direction, it is **confirmed**: `when.rs` tells the rows between which it changed, and what comes after them in
 //!    both batches is the new regime. Else it is **withdrawn**, and the batch that was held back joins the regime after all.
+//! 4. What else changed with it is looked for given it, in the same two batches and in the next ones: all of the new regime is
+//!    compared with the one before.
 //!
 //! How much a link differs from batch to batch while nothing changes is learnt on the way (`baseline.rs`): rows that hang
 //! together, as those of one encounter, would else show changes all the time. So nothing is suspected before the fourth batch.

@@ -61,6 +61,14 @@ impl Mechanisms {
         &self.parents[effect]
     }
 
+    /// A link that is there in one group, whatever both together show.
+    pub(super) fn add(&mut self, at: Place) {
+        let node = Node::new(at.cause, at.lag);
+        if !self.parents[at.effect].contains(&node) {
+            self.parents[at.effect].push(node);
+        }
+    }
+
     /// The conditions of a possible link: the parents of its effect but the link itself.
     pub(super) fn given(&self, at: Place) -> Vec<Node> {
         let own = Node::new(at.cause, at.lag);

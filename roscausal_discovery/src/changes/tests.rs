@@ -63,6 +63,31 @@ fn a_link_that_changes_is_confirmed_with_its_kind_and_its_time() {
 }
 
 #[test]
+fn of_two_links_to_one_effect_that_change_together_both_are_told() {
+    let both_told = |seed: u64| {
+        let mut values = series(3000, seed, |_| 0.0, |_| 1.0);
+        let mut rng = Rng::new(1000 + seed);
+        let mut normal = || (0..12).map(|_| rng.unit()).sum::<f64>() - 6.0;
+        for t in 1..3000 {
+            // a drives c until row 1500, then b does.
+            let cause = usize::from(t >= 1500);
+            values[[t, 2]] = 0.3 * values[[t - 1, 2]] + 0.5 * values[[t - 1, cause]] + normal();
+        }
+        let events = confirmed(&values);
+        let is_told = |cause: &str, kind: Kind| {
+            events
+                .iter()
+                .any(|event| (event.cause.as_str(), event.effect.as_str(), event.kind) == (cause, "c", kind))
+        };
+        let ids: std::collections::BTreeSet<&str> = events.iter().map(|event| event.id.as_str()).collect();
+        assert_eq!(ids.len(), events.len(), "each event has its own id: {events:?}");
+        is_told("a", Kind::Vanished) && is_told("b", Kind::Appeared)
+    };
+    let told = (1..=20).filter(|&seed| both_told(seed)).count();
+    assert!(told >= 15, "of 20: {told}");
+}
+
+#[test]
 fn a_mean_or_a_noise_that_changes_is_no_event() {
     for seed in 1..6 {
         let louder = series(2000, seed, |_| 0.6, |t| if t < 900 { 1.0 } else { 2.5 });
