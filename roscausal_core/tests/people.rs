@@ -7,7 +7,8 @@ use std::sync::Arc;
 use roscausal_core::{
     Message,
     middleware::{Raw, RawType},
-    people::Reader,
+    people::{Reader, Tracker},
+    state::identity::Who,
 };
 use roscausal_fuzz::{Allocator, Target};
 use roscausal_msgs::{
@@ -72,6 +73,45 @@ fn hostile_bytes_of_people_neither_panic_nor_allocate_what_they_claim() {
             seen.people.iter().all(|(_, person)| person.pose.position.x.is_finite()),
             "a place is a number"
         );
+    });
+}
+
+/// A tracker of places in millimetres, with things that are not people.
+const BY_HAND: &str = "/people.people[*] -> id=name, x=position.x * 1 mm, y=min(position.y, 9e9) * 1 mm, only=reliability > 0.5";
+
+#[test]
+fn people_of_any_message_are_read_by_expressions_of_either_wire() {
+    let person = |name: &str, x: f64, reliability: f64| {
+        let mut person = Person { name: name.into(), reliability, ..Person::default() };
+        (person.position.x, person.position.y) = (x, 500.0);
+        person
+    };
+    let people =
+        People { people: vec![person("anna", 1500.0, 0.9), person("chair", 7.0, 0.1)], ..People::default() };
+    for wire in [Wire::Ros1, Wire::Cdr] {
+        let trackers = Tracker::all(BY_HAND).expect("one");
+        let seen = Reader::new(trackers[0].clone(), &[], Arc::default()).read(&raw(&people, wire));
+        let [(who, sighting)] = &seen.people[..] else { panic!("{seen:?}") };
+        assert_eq!(*who, Who::Name("anna".into()));
+        assert_eq!((sighting.pose.position.x, sighting.pose.position.y), (1.5, 0.5));
+        assert_eq!(sighting.twist, None, "its velocity follows from places");
+        let tracker = Tracker::all("/people.people[*] -> x=place.x, y=place.y").expect("one");
+        let refused = Reader::new(tracker[0].clone(), &[], Arc::default()).check(&raw(&people, wire).kind);
+        assert!(
+            refused.is_err_and(|reason| reason.contains("place")),
+            "the field that is not there is named"
+        );
+    }
+}
+
+#[test]
+fn hostile_expressions_of_people_are_refused_or_read() {
+    let message = raw(&People { people: vec![Person::default(); 2], ..People::default() }, Wire::Cdr);
+    target("people_by_hand", vec![BY_HAND.as_bytes().to_vec()]).run(|input| {
+        let Ok(trackers) = Tracker::all(&String::from_utf8_lossy(input)) else { return };
+        for tracker in trackers {
+            let _ = Reader::new(tracker, &[], Arc::default()).read(&message);
+        }
     });
 }
 

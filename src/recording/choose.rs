@@ -2,7 +2,11 @@
 
 use std::path::Path;
 
-use roscausal_core::{Error, Result, params::nearest, people};
+use roscausal_core::{
+    Error, Result,
+    params::nearest,
+    people::{self, Tracker},
+};
 use roscausal_discovery::Named;
 use roscausal_recording::{Recording, Topic};
 
@@ -191,9 +195,9 @@ impl Chooser<'_> {
     }
 
     /// The topics that are named, or found by their types; none where people are TF frames.
-    pub(super) fn people(&self, named: &[String], tf: &str) -> Result<Vec<Topic>> {
+    pub(super) fn people(&self, named: &[Tracker], tf: &str) -> Result<Vec<Topic>> {
         if !named.is_empty() {
-            return named.iter().map(|name| self.named_people(name)).collect();
+            return named.iter().map(|tracker| self.named_people(tracker)).collect();
         }
         // The simulator has two, and the live node listens to both.
         let mut candidates = self.people_candidates();
@@ -211,10 +215,13 @@ impl Chooser<'_> {
         }
     }
 
-    fn named_people(&self, name: &str) -> Result<Topic> {
+    fn named_people(&self, tracker: &Tracker) -> Result<Topic> {
+        let name = &tracker.topic;
         let same = |topic: &&Topic| topic.is_named(name);
-        let readable =
-            |topic: &&Topic| Self::people_kind(topic).is_some() || people::layout(&topic.type_name).is_some();
+        let readable = |topic: &&Topic| {
+            let is_known = Self::people_kind(topic).is_some() || people::layout(&topic.type_name).is_some();
+            is_known || tracker.is_described() && topic.raw_type().is_some()
+        };
         let found = self.recording.topics().iter().filter(same).find(readable);
         found.cloned().ok_or_else(|| {
             let all: Vec<&str> =

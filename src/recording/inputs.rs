@@ -6,7 +6,7 @@ use clap::Args as ClapArgs;
 use roscausal_core::{
     Error, Result, Time, nodes,
     params::{Value, nearest},
-    people::Reader,
+    people::{Reader, Tracker},
     signal::{Definitions, Signal, Signals},
 };
 use roscausal_recording::{Recording, Topic};
@@ -59,7 +59,8 @@ pub(crate) struct InputArgs {
     #[arg(long, value_name = "TOPIC")]
     robot_goal: Option<String>,
     /// Recording: topics of people of any known type (docs/people.md), separated by commas; `ros4hri`: its TF frames;
-    /// `tf:actor_*`: TF frames of this name, with the id for `*`; `robots`: the other robots.
+    /// `tf:actor_*`: TF frames of this name, with the id for `*`; `robots`: the other robots. Of any message by expressions:
+    /// '/tracks.list[*] -> id=track, x=pose.x, y=pose.y'.
     #[arg(long, value_name = "TOPIC", value_delimiter = ',', help_heading = "People")]
     people: Vec<String>,
     /// Recording: topic of the person's goal, or `none`.
@@ -438,16 +439,23 @@ impl Inputs {
         {
             self.take_people_frames(chooser, &pattern, args)?;
         } else {
-            let mut named = args.people.clone();
-            if let Some(place) = named.iter().position(|name| name == OTHER_ROBOTS) {
-                named.splice(place..=place, chooser.other_robots(&self.topics, self.tf == "/tf")?);
+            let mut named = Tracker::all(&args.people.join(","))
+                .map_err(|reason| Error::Data(format!("--people: {reason}")))?;
+            if let Some(place) = named.iter().position(|tracker| tracker.topic == OTHER_ROBOTS) {
+                let others = chooser.other_robots(&self.topics, self.tf == "/tf")?;
+                named.splice(place..=place, others.iter().map(|topic| topic.as_str().into()));
             }
             let topics = chooser.people(&named, &self.tf)?;
             if topics.is_empty() {
                 self.take_people_frames(chooser, "", args)?;
             } else {
-                self.take_people_topics(&topics, args)?;
-                self.check_names(chooser, args, &persons::Source::Topics(&topics))?;
+                named.resize_with(topics.len(), Tracker::default);
+                named
+                    .iter_mut()
+                    .zip(&topics)
+                    .for_each(|(tracker, topic)| tracker.topic.clone_from(&topic.name));
+                self.take_people_topics(&topics, &named, args)?;
+                self.check_names(chooser, args, &persons::Source::Topics(&named))?;
             }
         }
         match chooser.optional(&HUMAN_GOAL, args.human_goal.as_deref())? {
@@ -497,27 +505,29 @@ impl Inputs {
     }
 
     /// People on topics: each under its own parameter where the nodes have one, otherwise read by their definitions.
-    fn take_people_topics(&mut self, topics: &[Topic], args: &InputArgs) -> Result<()> {
+    fn take_people_topics(&mut self, topics: &[Topic], trackers: &[Tracker], args: &InputArgs) -> Result<()> {
         let mut params: Vec<_> =
             topics.iter().filter_map(Chooser::people_kind).map(|kind| kind.topic_param).collect();
         params.sort_unstable();
         params.dedup();
-        if params.len() == topics.len() {
+        if params.len() == topics.len() && !trackers.iter().any(Tracker::is_described) {
             topics.iter().for_each(|topic| self.take(&PEOPLE, topic));
             return Ok(());
         }
         let msg_path = args.params.iter().rev().find_map(|text| text.strip_prefix("human.msg_path="));
         let definitions = Arc::new(Definitions::of(msg_path.unwrap_or_default()));
-        for topic in topics {
+        for (topic, tracker) in topics.iter().zip(trackers) {
             let fail = |reason: String| Error::Topic { topic: topic.name.clone(), reason };
             let kind = topic
                 .raw_type()
                 .ok_or_else(|| fail("its messages are in an encoding that is not ROS's".into()))?;
-            Reader::new(&topic.name, &[], definitions.clone()).check(&kind).map_err(fail)?;
-            self.chosen.push(format!("{}: {} ({})", PEOPLE.what, topic.name, topic.type_name));
+            Reader::new(tracker.clone(), &[], definitions.clone()).check(&kind).map_err(fail)?;
+            let Tracker { topic: name, rest, .. } = tracker;
+            self.chosen.push(format!("{}: {name}{rest} ({})", PEOPLE.what, topic.type_name));
             self.take_bytes(topic);
         }
-        let names: Vec<String> = topics.iter().map(Topic::playable).collect();
+        let spelled = |(topic, tracker): (&Topic, &Tracker)| topic.playable() + &tracker.rest;
+        let names: Vec<String> = topics.iter().zip(trackers).map(spelled).collect();
         self.set("human", "people_type", "auto");
         self.set("human", "people_topic", &names.join(","));
         Ok(())

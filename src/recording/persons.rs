@@ -8,7 +8,7 @@ use roscausal_core::{
     batch::Select,
     middleware::Raw,
     params::nearest,
-    people::Reader,
+    people::{Reader, Tracker},
     signal::Definitions,
     state::identity::{Names, Who},
 };
@@ -89,7 +89,7 @@ fn id_of(chooser: &Chooser<'_>, person: &str, part: &str) -> Result<Option<Strin
 /// Where the people of a recording come from.
 pub(super) enum Source<'a> {
     /// Messages of these topics.
-    Topics(&'a [Topic]),
+    Topics(&'a [Tracker]),
     /// Frames on this topic of transforms whose names begin and end so.
     Frames(&'a str, Vec<(String, String)>),
 }
@@ -104,7 +104,7 @@ pub(super) fn check(chooser: &Chooser<'_>, names: &[String], source: &Source<'_>
     let mut recording = Recording::open(chooser.path)?;
     let topics = recording.topics().to_vec();
     let is_wanted = |topic: &Topic| match source {
-        Source::Topics(of) => of.iter().any(|one| one.name == topic.name),
+        Source::Topics(of) => of.iter().any(|one| one.topic == topic.name),
         Source::Frames(tf, _) => {
             topic.type_name == "hri_msgs/IdsList" || topic.name.trim_end_matches("_static") == *tf
         }
@@ -114,7 +114,9 @@ pub(super) fn check(chooser: &Chooser<'_>, names: &[String], source: &Source<'_>
     let classes = ["person", "people", "pedestrian", "human", "0"].map(str::to_owned);
     let reader = |topic: &Topic| {
         let kind = topic.raw_type().filter(|_| is_wanted(topic)).map(Arc::new)?;
-        Some((kind, Reader::new(&topic.name, &classes, definitions.clone())))
+        let trackers = if let Source::Topics(all) = source { *all } else { &[] };
+        let tracker = trackers.iter().find(|one| one.topic == topic.name).cloned().unwrap_or_default();
+        Some((kind, Reader::new(tracker, &classes, definitions.clone())))
     };
     let mut readers: Vec<_> = topics.iter().map(reader).collect();
     for record in recording.by_ref() {

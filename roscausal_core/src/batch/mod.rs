@@ -1,6 +1,6 @@
 //! Batches: tables of samples in files, from recording to analysis.
 
-mod expression;
+pub(crate) mod expression;
 pub mod fresh;
 pub mod header;
 mod id;

@@ -21,7 +21,7 @@ use crate::{
     middleware::{Middleware, Publish, Qos, Raw},
     param_specs,
     params::{Allowed, ParamSpec, Params, Value},
-    people::Reader,
+    people::{Reader, Tracker},
     signal::Definitions,
     state::{
         human::{PeopleTracker, Sighting, id_of_number},
@@ -60,7 +60,8 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         of_data "teleop_people_topic" = text("/ped/control/teleop_persons"), Any,
             "pedsim_msgs/TrackedPersons; empty: none";
         of_data "people_topic" = text(""), Any,
-            "people from another tracker, of type people_type; several topics separated by commas (auto only); empty: none";
+            "people from another tracker, of type people_type; several topics separated by commas (auto only); of any message by \
+             expressions, /tracks.list[*] -> id=track, x=pose.x, y=pose.y (docs/people.md); empty: none";
         of_data "people_type" = text("auto"),
             OneOf(&["auto", "spencer_tracking_msgs/TrackedPersons", "people_msgs/People", "geometry_msgs/PoseArray", "ros4hri"]),
             "type of people_topic; auto: any type that people are read from (docs/people.md), found by itself; ros4hri: TF frames \
@@ -281,11 +282,11 @@ fn subscribe_people<M: Middleware>(
     if params.text("people_type") == "auto" {
         let classes: Vec<String> = params.text("people_classes").split(',').map(str::to_owned).collect();
         let definitions = Arc::new(Definitions::of(&params.text("msg_path")));
-        for topic in topic.split(',').map(str::trim).filter(|topic| !topic.is_empty()) {
-            let (send, place) = (inbox.sender(), readers.len());
-            let input = health.any_input(topic, true);
-            readers.push((input, Reader::new(topic, &classes, definitions.clone())));
-            subscriptions.push(mw.listen(topic, move |message| send.send(Event::Any(place, message)))?);
+        for tracker in Tracker::all(&topic).map_err(|reason| Error::param("people_topic", reason))? {
+            let (send, place, topic) = (inbox.sender(), readers.len(), tracker.topic.clone());
+            let input = health.any_input(&topic, true);
+            readers.push((input, Reader::new(tracker, &classes, definitions.clone())));
+            subscriptions.push(mw.listen(&topic, move |message| send.send(Event::Any(place, message)))?);
         }
         return Ok(subscriptions);
     }

@@ -9,8 +9,12 @@ use roscausal_msgs::{
     std_msgs::Header,
 };
 
-use super::layouts::{self, Keep, Layout};
+use super::{
+    layouts::{self, Keep, Layout},
+    tracker::{Entries, Entry, Tracker},
+};
 use crate::{
+    batch::expression::Expression,
     middleware::{Raw, RawType},
     signal::Definitions,
     state::{
@@ -36,7 +40,7 @@ pub struct Seen {
 /// Reads the messages of one topic.
 #[derive(Debug, Default)]
 pub struct Reader {
-    topic: String,
+    tracker: Tracker,
     /// Words for people, in lower case.
     classes: Vec<String>,
     definitions: Arc<Definitions>,
@@ -53,7 +57,11 @@ pub struct Reader {
 struct Bound {
     schema: Schema,
     wire: Wire,
-    layout: &'static Layout,
+    /// Whether a message is one person.
+    is_one: bool,
+    keep: Keep,
+    /// What is computed of a row: it stands behind the columns that are read.
+    computed: Vec<Expression>,
     frame: Option<Query>,
     rows: Rows,
     columns: Columns,
@@ -75,14 +83,15 @@ struct Columns {
     stamp: Option<usize>,
     class: Option<usize>,
     action: Option<usize>,
+    only: Option<usize>,
 }
 
 impl Reader {
-    /// A reader of a topic's messages, whatever their type turns out to be. `classes` are the words for people, such as
+    /// A reader of a tracker's messages, whatever their type turns out to be. `classes` are the words for people, such as
     /// `person`, where a tracker also sees other things.
-    pub fn new(topic: &str, classes: &[String], definitions: Arc<Definitions>) -> Self {
+    pub fn new(tracker: impl Into<Tracker>, classes: &[String], definitions: Arc<Definitions>) -> Self {
         Self {
-            topic: topic.to_owned(),
+            tracker: tracker.into(),
             classes: classes.iter().map(|word| word.trim().to_lowercase()).collect(),
             definitions,
             ..Self::default()
@@ -94,16 +103,16 @@ impl Reader {
     /// # Errors
     /// A type that is not in the table, or whose definition has no people.
     pub fn check(&self, kind: &RawType) -> Result<(), String> {
-        Bound::new(kind, &self.definitions).map(|_| ())
+        Bound::new(kind, &self.definitions, self.tracker.entries.as_ref()).map(|_| ())
     }
 
     /// The people in a message.
     pub fn read(&mut self, message: &Raw) -> Seen {
         if self.kind.as_ref() != Some(&message.kind) {
-            let bound = Bound::new(&message.kind, &self.definitions);
+            let bound = Bound::new(&message.kind, &self.definitions, self.tracker.entries.as_ref());
             if let Err(reason) = &bound {
-                tracing::error!("people on {}: {reason}", self.topic);
-                self.trouble = Some(format!("people on {}: {reason}", self.topic));
+                tracing::error!("people on {}: {reason}", self.tracker.topic);
+                self.trouble = Some(format!("people on {}: {reason}", self.tracker.topic));
             }
             self.kind = Some(message.kind.clone());
             self.bound = bound.ok();
@@ -117,7 +126,7 @@ impl Reader {
                 if self.unreadable.is_power_of_two() {
                     tracing::warn!(
                         "{}: message {} that cannot be read: {fault}",
-                        self.topic,
+                        self.tracker.topic,
                         self.unreadable
                     );
                 }
@@ -132,10 +141,12 @@ impl Reader {
         let Some(bound) = &self.bound else { return seen };
         let columns = &bound.columns;
         for row in rows {
-            if columns.action.is_some_and(|action| number(row, action) != 0.0) {
+            if columns.action.is_some_and(|action| number(row, action) != 0.0)
+                || columns.only.is_some_and(|only| number(row, only) == 0.0)
+            {
                 continue;
             }
-            if let Err(class) = columns.is_person(row, bound.layout.keep, &self.classes) {
+            if let Err(class) = columns.is_person(row, bound.keep, &self.classes) {
                 if self.others.len() < MOST_CLASSES {
                     self.others.insert(class.chars().take(LONGEST_CLASS).collect());
                 }
@@ -145,8 +156,8 @@ impl Reader {
             if seen.stamp == Time::ZERO {
                 seen.stamp = sighting.header.stamp;
             }
-            let who = if bound.layout.people.is_empty() {
-                Who::Name(name_of_topic(&self.topic).to_owned())
+            let who = if bound.is_one && columns.id.is_none() {
+                Who::Name(name_of_topic(&self.tracker.topic).to_owned())
             } else {
                 columns.who(row)
             };
@@ -167,7 +178,7 @@ impl Reader {
     pub fn trouble(&self) -> Option<String> {
         let only_others = || {
             let seen: Vec<&str> = self.others.iter().map(String::as_str).collect();
-            let (topic, classes, seen) = (&self.topic, self.classes.join(", "), seen.join(", "));
+            let (topic, classes, seen) = (&self.tracker.topic, self.classes.join(", "), seen.join(", "));
             format!("{topic} has had nobody of the classes {classes} (people_classes), only: {seen}")
         };
         let nobody = self.taken == 0 && !self.others.is_empty();
@@ -190,7 +201,10 @@ fn name_of_topic(topic: &str) -> &str {
 }
 
 impl Bound {
-    fn new(kind: &RawType, definitions: &Definitions) -> Result<Self, String> {
+    fn new(kind: &RawType, definitions: &Definitions, entries: Option<&Entries>) -> Result<Self, String> {
+        if let Some(entries) = entries {
+            return Self::described(kind, definitions.schema(kind)?, entries);
+        }
         let layout = layouts::row(&kind.type_name).ok_or_else(|| {
             let types: Vec<&str> = layouts::types().collect();
             let (name, types) = (&kind.type_name, types.join(", "));
@@ -210,8 +224,39 @@ impl Bound {
             return Err(format!("{} has no place '{}'", kind.type_name, layout.place.join("' or '")));
         }
         let rows = schema.rows(array.as_ref(), &binder.paths).map_err(|error| error.to_string())?;
-        let frame = schema.query(&path_of("header.frame_id")).ok();
-        Ok(Self { wire: kind.wire, layout, frame, rows, columns, schema })
+        let (wire, frame) = (kind.wire, frame_of(&schema));
+        let (is_one, keep, computed) = (layout.people.is_empty(), layout.keep, Vec::new());
+        Ok(Self { schema, wire, is_one, keep, computed, frame, rows, columns })
+    }
+
+    /// The same where a user says what is where.
+    fn described(kind: &RawType, schema: Schema, entries: &Entries) -> Result<Self, String> {
+        let mut names: Vec<String> = entries.fields.iter().map(|(_, field)| field.clone()).collect();
+        for (_, text) in &entries.numbers {
+            names.extend(Expression::names_in(text)?);
+        }
+        let paths = names.iter().map(|name| name.parse()).collect::<Result<Vec<Path>, _>>()?;
+        let rows = schema.rows(entries.list.as_ref(), &paths).map_err(|error| error.to_string())?;
+        let field = |role: &str| entries.fields.iter().position(|(known, _)| *known == role);
+        let place = |role: &str| entries.numbers.iter().position(|(known, _)| *known == role);
+        let computed = |role: &str| place(role).map(|place| names.len() + place);
+        let pair = |x, y| computed(x).zip(computed(y)).map(|(x, y)| [x, y]);
+        let columns = Columns {
+            id: field("id"),
+            frame: field("frame"),
+            stamp: field("stamp"),
+            place: [computed("x"), computed("y"), computed("z")],
+            yaw: computed("yaw"),
+            velocity: pair("vx", "vy"),
+            goal: pair("gx", "gy"),
+            only: computed("only"),
+            ..Columns::default()
+        };
+        let texts = entries.numbers.iter().map(|(_, text)| Expression::of_columns(text, &names));
+        let computed = texts.collect::<Result<Vec<_>, _>>()?;
+        let (wire, frame) = (kind.wire, frame_of(&schema));
+        let (is_one, keep) = (entries.list.is_none(), Keep::All);
+        Ok(Self { schema, wire, is_one, keep, computed, frame, rows, columns })
     }
 
     /// The message's header, and its rows.
@@ -222,8 +267,19 @@ impl Bound {
             None => Found::Numbers(Vec::new()),
         };
         let frame_id = if let Found::Text(frame) = frame { frame } else { String::new() };
-        Ok((Header { stamp, frame_id }, self.rows.read(&self.schema, self.wire, bytes)?))
+        let mut rows = self.rows.read(&self.schema, self.wire, bytes)?;
+        for row in &mut rows {
+            let cell = |column: usize| number(row, column);
+            let of_row: Vec<f64> = self.computed.iter().map(|of| of.value(&Entry(&cell))).collect();
+            row.extend(of_row.into_iter().map(|value| Found::Numbers(vec![value])));
+        }
+        Ok((Header { stamp, frame_id }, rows))
     }
+}
+
+/// The frame of a message's header, if it has one.
+fn frame_of(schema: &Schema) -> Option<Query> {
+    schema.query(&path_of("header.frame_id")).ok()
 }
 
 /// Collects the columns that a definition has.
