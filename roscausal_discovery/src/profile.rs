@@ -32,6 +32,8 @@ const KPSS_1_PERCENT: f64 = 0.739;
 const FEW: usize = 50;
 /// Values farther from the median than this many robust deviations are outliers.
 const FAR: f64 = 10.0;
+/// So many of the variables that cost rows are named.
+const MOST_DEAR: usize = 3;
 /// A value that fills this share of the rows without a break stands still.
 const STILL: f64 = 0.2;
 /// Variance that a copy or a combination of other columns may leave.
@@ -126,6 +128,7 @@ impl DataProfile {
             ends.extend(seen.lone.into_iter().map(|(value, count)| (name, value, count)));
         }
         faults.extend(missing_flags(&ends));
+        profile.remarks.extend(costly(data, &names));
         profile.remarks.extend(with_ties(&ties));
         profile.remarks.extend(drifting(&profile.variables));
         if profile.variables.iter().all(|variable| variable.distinct < 2) {
@@ -173,6 +176,31 @@ fn few(samples: usize) -> String {
         "only {samples} samples: a dependence shows only if it is stronger than about {needed:.2}, and p-values near the level \
          say little; record longer"
     )
+}
+
+/// The variables whose missing values cost many of the rows in which all others have one, dearest first, in one sentence.
+fn costly(data: &DataFrame, names: &[String]) -> Option<String> {
+    let (mut complete, mut without) = (0, vec![0; names.len()]);
+    for row in data.recordings().iter().flat_map(|recording| recording.rows()) {
+        let mut missing = (0..names.len()).filter(|&var| row[var].is_nan());
+        match (missing.next(), missing.next()) {
+            (None, _) => complete += 1,
+            (Some(only), None) => without[only] += 1,
+            _ => {}
+        }
+    }
+    let mut dear: Vec<(usize, &String)> =
+        without.into_iter().zip(names).filter(|(more, _)| *more >= FEW && 4 * more > complete).collect();
+    dear.sort_by_key(|(more, _)| std::cmp::Reverse(*more));
+    let each = |(more, name): &(usize, &String)| format!("without {name} {}", complete + more);
+    let each: Vec<String> = dear.iter().take(MOST_DEAR).map(each).collect();
+    (!each.is_empty() && names.len() > 2).then(|| {
+        format!(
+            "{complete} rows have a value of every variable, {}; {} '!name' leaves one out",
+            each.join(", "),
+            Named("columns")
+        )
+    })
 }
 
 /// The variables that drift, in one sentence.
@@ -476,6 +504,26 @@ mod tests {
     fn of(recordings: Vec<Array2<f64>>) -> (DataProfile, Vec<Fault>) {
         let names = (0..recordings[0].ncols()).map(|var| ["a", "b", "c", "d"][var].to_owned()).collect();
         DataProfile::of(&DataFrame::new(recordings, names).unwrap(), 1)
+    }
+
+    #[test]
+    fn a_variable_that_costs_many_rows_is_named_with_what_leaving_it_out_gives() {
+        let mut rows = noise(400, 3, 5);
+        rows.column_mut(1).iter_mut().skip(100).for_each(|v| *v = f64::NAN);
+        rows[[3, 0]] = f64::NAN;
+        let (profile, _) = of(vec![rows.clone(), noise(50, 3, 6)]);
+        let wanted =
+            "149 rows have a value of every variable, without b 449; --columns '!name' leaves one out";
+        let spell = |name: &str| format!("--{name}");
+        let remarks: Vec<String> =
+            profile.remarks.iter().map(|text| crate::types::spelled_out(text, spell)).collect();
+        assert_eq!(
+            remarks.iter().filter(|remark| remark.contains("every variable")).collect::<Vec<_>>(),
+            [wanted]
+        );
+        // Both of two are needed.
+        let two = rows.select(ndarray::Axis(1), &[0, 1]);
+        assert!(of(vec![two]).0.remarks.iter().all(|remark| !remark.contains("every variable")));
     }
 
     #[test]

@@ -305,8 +305,8 @@ struct Rows<'a> {
     /// Cells before the first name: R numbers its rows without one.
     ahead: usize,
     time: Option<(usize, Option<Unit>)>,
-    /// The time of day, where it stands beside the date.
-    of_day: Option<usize>,
+    /// What is added to the time, and its unit in seconds: the time of day beside the date, the nanoseconds beside the seconds.
+    added: Option<(usize, f64)>,
     columns: Vec<usize>,
     /// Lines before the header.
     before: u64,
@@ -375,7 +375,7 @@ impl<'a> Rows<'a> {
             joined,
             ahead,
             time: None,
-            of_day: None,
+            added: None,
             columns: Vec::new(),
             before: layout.lines_before,
             nameless: layout.nameless,
@@ -411,7 +411,12 @@ impl<'a> Rows<'a> {
         };
         let (day, of_day) = (first(is_day), first(is_of_day));
         if let (None, Some(day), Some(_)) = (&self.reading.time_column, day, of_day) {
-            (self.time, self.of_day) = (Some((day, None)), of_day);
+            (self.time, self.added) = (Some((day, None)), of_day.map(|column| (column, 1.0)));
+        }
+        if let (None, None, Some((seconds, rest))) =
+            (&self.reading.time_column, self.time, columns::stamp_in_two(&self.header))
+        {
+            (self.time, self.added) = (Some((seconds, Some(Unit::Seconds))), Some((rest, 1e-9)));
         }
         if let Some(name) = &self.reading.recording {
             columns::one(&self.header, name).map_err(Complaint::File)?;
@@ -422,7 +427,7 @@ impl<'a> Rows<'a> {
         self.columns = columns::read(&self.header, self.reading, time)?;
         let named = self.reading.columns.is_some();
         self.columns.retain(|&column| {
-            (named || (Some(column) != time && Some(column) != self.of_day))
+            (named || (Some(column) != time && self.added.is_none_or(|(added, _)| column != added)))
                 && Some(column) != index.filter(|_| !self.header[column].contains("Unnamed") || !named)
                 && Some(column) != empty_end
         });
@@ -492,7 +497,9 @@ impl<'a> Rows<'a> {
                 let of = |column: usize| {
                     self.time_of(row.get(column + self.ahead).unwrap_or_default(), column, place)
                 };
-                time.push(of(column)? + self.of_day.map_or(Ok(0.0), of)?);
+                let added =
+                    self.added.map_or(Ok(0.0), |(column, unit)| Ok::<_, Complaint>(unit * of(column)?))?;
+                time.push(of(column)? + added);
             }
             places.push(place);
             bytes = row.into_byte_record();

@@ -24,6 +24,20 @@ pub(crate) fn time_column(header: &[String]) -> Option<(usize, Option<Unit>)> {
     named.or_else(|| header.iter().position(is_stamp).map(|column| (column, None)))
 }
 
+/// The columns of a stamp's seconds and nanoseconds: `header.stamp.secs` and `header.stamp.nsecs`, `stamp_sec` and `stamp_nanosec`.
+pub(crate) fn stamp_in_two(header: &[String]) -> Option<(usize, usize)> {
+    let lower: Vec<String> = header.iter().map(|name| name.to_lowercase()).collect();
+    let rest_of = |base: &str| {
+        let is_rest = |name: &String| {
+            name.strip_prefix(base)
+                .is_some_and(|unit| ["nsecs", "nsec", "nanosec", "nanosecs"].contains(&unit))
+        };
+        lower.iter().position(is_rest)
+    };
+    let seconds = |name: &String| Some(name.strip_suffix("secs").or(name.strip_suffix("sec"))?.to_owned());
+    lower.iter().enumerate().find_map(|(column, name)| Some((column, rest_of(&seconds(name)?)?)))
+}
+
 /// Whether a name is one of a column of times, and the unit in it.
 pub(crate) fn time_name(name: &str) -> Option<Option<Unit>> {
     let name = name.trim().trim_matches('\'').trim_start_matches(['%', '.', '_', '/']).to_lowercase();

@@ -64,6 +64,22 @@ fn a_date_and_a_time_of_day_are_one_time_in_either_order() {
 }
 
 #[test]
+fn seconds_and_nanoseconds_in_two_columns_are_one_time() {
+    for header in ["stamp.sec,stamp.nanosec,a", "header.stamp.secs,header.stamp.nsecs,a", "sec,nsec,a"] {
+        let table = parse(&format!("{header}\n100,900000000,1\n101,0,2\n101,100000000,3\n")).expect("reads");
+        assert_eq!(
+            (table.names, table.time),
+            (vec!["a".to_owned()], Some(vec![100.9, 101.0, 101.1])),
+            "{header}"
+        );
+    }
+    // Where there is a time, they are columns like others; seconds alone are, too.
+    let table = parse("time,sec,nsec,a\n0,100,9,1\n1,101,0,2\n").expect("reads");
+    assert_eq!((table.names.len(), table.time), (3, Some(vec![0.0, 1.0])));
+    assert_eq!(parse("lap_sec,a\n1,2\n2,3\n").expect("reads").time, None);
+}
+
+#[test]
 fn prose_before_a_header_behind_a_hash_is_passed_over() {
     let rows = "  260,20200101,  73\n  260,20200102,  41\n  260,20200103,  23\n";
     let table = parse(&format!("BRON: KNMI\nSTN = Station\n\n# STN,YYYYMMDD,  FG\n{rows}")).expect("reads");
