@@ -18,8 +18,8 @@ use roscausal_core::{
     params::Value,
 };
 use roscausal_msgs::{
-    Action, CausalLink, CausalModelInfo, CostTerm, Effect, EffectRequest, Explain, ExplainRequest, Features,
-    Intervention, Limit, Prediction, Status, WhatIf, WhatIfRequest, WhatIfResponse,
+    Action, Cancel, CancelRequest, CausalLink, CausalModelInfo, CostTerm, Effect, EffectRequest, Explain,
+    ExplainRequest, Features, Intervention, Limit, Prediction, Status, WhatIf, WhatIfRequest, WhatIfResponse,
     diagnostic_msgs::DiagnosticArray,
     std_msgs::{Header, String as Text},
 };
@@ -369,6 +369,40 @@ fn a_question_gets_no_answer_after_its_patience() {
     let late = asked(1e-9);
     assert_eq!((late.status, late.ranking, late.outlooks), (Status::Late as u8, vec![], vec![]));
     assert_eq!(asked(f64::NAN).status, Status::BadRequest as u8);
+    bench.end();
+}
+
+#[test]
+fn a_question_that_is_cancelled_ends_and_the_next_is_answered() {
+    let bus = Loopback::live(|| Time::from_secs_f64(1000.0 + STEP * 300.0));
+    let asks = bus.clone();
+    let bench = Bench::new(bus, &[("paths", Value::Int(100_000)), ("refit_every", Value::Double(1e6))]);
+    bench.models.publish(&model(["r_v", "d"])).expect("publishes");
+    for (t, values) in rows(300).into_iter().enumerate() {
+        bench.features.publish(&row(t, values)).expect("publishes");
+    }
+    while bench.ask(&slow_or_fast()).status != Status::Ok as u8 {
+        thread::sleep(Duration::from_millis(20));
+    }
+    let cancel = |older_than| {
+        let cancel =
+            bench.planner.call::<Cancel>(nodes::CANCEL_SERVICE, &CancelRequest { older_than }, PATIENCE);
+        cancel.expect("an answer").ended
+    };
+    assert_eq!(cancel(0.0), 0, "nothing runs");
+    let long = thread::spawn(move || {
+        let planner = asks.node("impatient");
+        let long = WhatIfRequest { horizon: 1000, ..slow_or_fast() };
+        planner.call::<WhatIf>(nodes::WHAT_IF_SERVICE, &long, 10 * PATIENCE).expect("an answer")
+    });
+    let begun = Instant::now();
+    while cancel(0.0) == 0 && begun.elapsed() < PATIENCE {
+        assert_eq!(cancel(1e6), 0, "it has not been asked that long ago");
+        thread::sleep(Duration::from_millis(1));
+    }
+    let ended = long.join().expect("no panic");
+    assert_eq!((ended.status, ended.message.as_str()), (Status::Late as u8, "the question was cancelled"));
+    assert_eq!(bench.ask(&slow_or_fast()).status, Status::Ok as u8);
     bench.end();
 }
 

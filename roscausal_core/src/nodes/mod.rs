@@ -45,8 +45,8 @@ pub use human::human;
 pub use markers::markers;
 pub use model_changes::CHANGES_TOPIC;
 pub use reasoning::{
-    EFFECT_SERVICE, EXPLAIN_SERVICE, PREDICTION_TOPIC, STRUCTURAL_MODEL_TOPIC, WHAT_IF_SERVICE, reasoning,
-    reasoning_beside,
+    CANCEL_SERVICE, EFFECT_SERVICE, EXPLAIN_SERVICE, PREDICTION_TOPIC, STRUCTURAL_MODEL_TOPIC,
+    WHAT_IF_SERVICE, reasoning, reasoning_beside,
 };
 pub use recorded_changes::{CHANGES_FOLDER, RecordedChange, recorded_changes};
 pub use robot::robot;

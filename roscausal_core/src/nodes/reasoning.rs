@@ -7,8 +7,8 @@
 
 use std::{
     sync::{
-        Arc,
-        atomic::{AtomicUsize, Ordering},
+        Arc, Weak,
+        atomic::{AtomicBool, AtomicUsize, Ordering},
     },
     thread,
     time::Duration,
@@ -17,8 +17,8 @@ use std::{
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use roscausal_discovery::DataFrame;
 use roscausal_msgs::{
-    CausalModelInfo, Effect, EffectRequest, EffectResponse, Explain, ExplainRequest, ExplainResponse,
-    Features, Prediction, Time, WhatIf, WhatIfRequest, WhatIfResponse,
+    Cancel, CancelRequest, CancelResponse, CausalModelInfo, Effect, EffectRequest, EffectResponse, Explain,
+    ExplainRequest, ExplainResponse, Features, Prediction, Time, WhatIf, WhatIfRequest, WhatIfResponse,
     std_msgs::{Header, String as Text},
 };
 use roscausal_reasoning::{
@@ -56,6 +56,9 @@ pub const EXPLAIN_SERVICE: &str = "roscausal/explain";
 /// How strongly does one variable drive another?
 pub const EFFECT_SERVICE: &str = "roscausal/effect";
 
+/// Ends questions.
+pub const CANCEL_SERVICE: &str = "roscausal/cancel";
+
 /// Messages and questions that may wait.
 const INBOX: usize = 20_000;
 /// Questions that may be open at a time.
@@ -71,6 +74,7 @@ enum Event {
     WhatIf(WhatIfRequest, Reply<WhatIfResponse>),
     Explain(ExplainRequest, Reply<ExplainResponse>),
     Effect(EffectRequest, Reply<EffectResponse>),
+    Cancel(CancelRequest, Reply<CancelResponse>),
     /// The fit of the graph with this number.
     Fitted(u64, Result<StructuralModel>),
 }
@@ -93,6 +97,8 @@ struct Node<M: Middleware> {
     /// For fits: they take seconds, and no answer waits for them.
     fits: Arc<ThreadPool>,
     open: Arc<AtomicUsize>,
+    /// When questions of what if were asked, and what ends them, while they are being answered.
+    asked: Vec<(Duration, Weak<AtomicBool>)>,
     rows: Rows,
     wanted: Option<Wanted>,
     model: Option<Arc<StructuralModel>>,
@@ -136,13 +142,14 @@ fn with_inbox<M: Middleware>(mw: &M, inbox: Inbox<Event>, in_line: bool) -> Resu
     let features_input = health.input::<Features>(FEATURES_TOPIC, true);
     let model_input = health.input::<CausalModelInfo>("roscausal/causal_model_info", false);
     let to = || inbox.sender();
-    let (asked, why, strength) = (to(), to(), to());
+    let (asked, why, strength, end) = (to(), to(), to(), to());
     let _what_if =
         mw.serve::<WhatIf>(WHAT_IF_SERVICE, move |q, reply| asked.send(Event::WhatIf(q, reply)))?;
     let _explain =
         mw.serve::<Explain>(EXPLAIN_SERVICE, move |q, reply| why.send(Event::Explain(q, reply)))?;
     let _effect =
         mw.serve::<Effect>(EFFECT_SERVICE, move |q, reply| strength.send(Event::Effect(q, reply)))?;
+    let _cancel = mw.serve::<Cancel>(CANCEL_SERVICE, move |q, reply| end.send(Event::Cancel(q, reply)))?;
     let _models = match node.wanted {
         Some(_) => None,
         None => Some(inbox.subscribe(mw, "roscausal/causal_model_info", Qos::Latched, Event::Model)?),
@@ -166,6 +173,7 @@ fn with_inbox<M: Middleware>(mw: &M, inbox: Inbox<Event>, in_line: bool) -> Resu
             Next::Event(Event::WhatIf(request, reply)) => node.what_if(request, reply),
             Next::Event(Event::Explain(request, reply)) => node.explain(request, reply),
             Next::Event(Event::Effect(request, reply)) => node.effect(request, reply),
+            Next::Event(Event::Cancel(request, reply)) => reply.send(node.cancel(&request)),
         }
         if mw.now() >= node.next_fit {
             node.fit();
@@ -188,6 +196,7 @@ impl<M: Middleware> Node<M> {
             pool,
             fits,
             open: Arc::default(),
+            asked: Vec::new(),
             rows,
             wanted,
             model: None,
@@ -460,7 +469,13 @@ impl<M: Middleware> Node<M> {
         let patience = Some(request.patience).filter(|patience| *patience > 0.0 && !self.in_line);
         let until = patience.map(|patience| self.mw.steady().as_secs_f64() + patience);
         let clock = self.mw.clone();
-        let late = move || until.is_some_and(|until| clock.steady().as_secs_f64() > until);
+        let cancelled = Arc::new(AtomicBool::new(false));
+        self.asked.retain(|(_, of)| of.strong_count() > 0);
+        self.asked.push((self.mw.steady(), Arc::downgrade(&cancelled)));
+        let ended = cancelled.clone();
+        let late = move || {
+            ended.load(Ordering::Relaxed) || until.is_some_and(|until| clock.steady().as_secs_f64() > until)
+        };
         let mut question = match what_if(request, horizon, paths, seed) {
             Ok(question) => question,
             Err(reason) => return reply.send(refuse(Status::BadRequest, reason)),
@@ -473,9 +488,22 @@ impl<M: Middleware> Node<M> {
         let caveats = self.caveats();
         self.answer(reply, refuse, move || {
             let situation = Situation { rows: moment.rows.view(), now: moment.now };
-            let answer = answer::what_if_until(&model, &situation, &question, &late);
+            let mut answer = answer::what_if_until(&model, &situation, &question, &late);
+            if answer.status == Status::Late && cancelled.load(Ordering::Relaxed) {
+                "the question was cancelled".clone_into(&mut answer.message);
+            }
             what_if_response(answer, moment.stamp(moment.now), caveats)
         });
+    }
+
+    fn cancel(&mut self, request: &CancelRequest) -> CancelResponse {
+        let now = self.mw.steady();
+        let is_meant = |at: Duration| {
+            now.saturating_sub(at).as_secs_f64() >= request.older_than || request.older_than.is_nan()
+        };
+        let meant = self.asked.iter().filter(|(at, _)| is_meant(*at)).filter_map(|(_, of)| of.upgrade());
+        let ended = meant.filter(|of| !of.swap(true, Ordering::Relaxed)).count();
+        CancelResponse { ended: u32::try_from(ended).unwrap_or(u32::MAX) }
     }
 
     fn explain(&mut self, request: ExplainRequest, reply: Reply<ExplainResponse>) {

@@ -29,7 +29,7 @@ const REMEMBERED: usize = 8;
 /// Most rows of a regime of curves.
 const MOST_ROWS_OF_CURVES: usize = 1000;
 /// Batches that may leave a suspicion open.
-const MORE: usize = 1;
+const MORE: usize = 2;
 /// Batches after a change in which what else changed with it is looked for.
 const LOOKS: usize = 4;
 

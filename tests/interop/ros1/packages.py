@@ -29,7 +29,7 @@ def clean_env():
     return {key: value for key, value in os.environ.items() if key not in gone}
 
 
-def run(command, path, timeout=280):
+def run(command, path, timeout=1200):
     # catkin_make_isolated uses PWD
     done = subprocess.run(command, cwd=path, env={**clean_env(), "PWD": path}, capture_output=True, text=True, timeout=timeout)
     assert done.returncode == 0, "%s\n%s\n%s" % (command, done.stdout[-1500:], done.stderr[-1500:])
