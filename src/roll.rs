@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 
 use crate::{
     discover::{self, AnalysisArgs, ResampleArgs},
-    export,
+    export, flags,
     interrupt::Interrupt,
     output,
     results::Results,
@@ -159,7 +159,8 @@ impl Args {
         for (place, recording) in data.recordings().iter().enumerate() {
             let masked = data.masked_effects(place);
             let read = detector.read_each(recording.view(), &masked, rows, control, &mut rolling.events);
-            rolling.looked_at = Some(detector.rows());
+            (rolling.looked_at, rolling.misfit) =
+                (Some(detector.rows()), detector.misfit().map(|note| flags::spelled(&note)));
             match read {
                 Err(error) if control.is_timeout(&error) => {
                     let how_far = format!(
@@ -201,13 +202,15 @@ struct Rolling {
     events: Vec<ChangeEvent>,
     /// Rows in which changes were looked for.
     looked_at: Option<usize>,
+    /// What slopes do not follow.
+    misfit: Option<String>,
     status: Status,
 }
 
 impl Rolling {
     fn new(format: Format, dt: Option<f64>) -> Self {
         let (windows, events, status) = (Vec::new(), Vec::new(), Status::Complete);
-        Self { format, dt, windows, events, looked_at: None, status }
+        Self { format, dt, windows, events, looked_at: None, misfit: None, status }
     }
 
     fn begin(&self) {
@@ -216,7 +219,7 @@ impl Rolling {
                 "recording,start,end,cause,effect,lag,value,p_value,mark,confidence,value_low,value_high"
             ),
             Format::Jsonl => {
-                let head = json!({ "schema": ROLLING_SCHEMA, "dt": self.dt, "events": self.events.len() });
+                let head = json!({ "schema": ROLLING_SCHEMA, "dt": self.dt, "events": self.events.len(), "note": self.misfit });
                 crate::terminal::print_json(&head.to_string());
                 for event in &self.events {
                     crate::terminal::print_json(&json!({ "event": event }).to_string());
@@ -235,6 +238,7 @@ impl Rolling {
                         n => format!("{n} changes confirmed"),
                     };
                     crate::terminal::say!("{reported} in {rows} rows");
+                    self.misfit.iter().for_each(|misfit| crate::terminal::tell!("note: {misfit}"));
                 }
             }
         }
@@ -307,6 +311,7 @@ impl Rolling {
             "dt": self.dt,
             "windows": windows,
             "events": self.events,
+            "note": self.misfit,
             "links": self.counts(),
         });
         let text = serde_json::to_string_pretty(&whole);

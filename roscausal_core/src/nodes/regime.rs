@@ -14,6 +14,7 @@ use roscausal_discovery::{
     Control, DataFrame, Model,
     changes::{ChangeEvent, Detector, Form, Levels, Status},
     names::position,
+    spelled_out,
 };
 use serde::{Deserialize, Serialize};
 
@@ -24,6 +25,7 @@ use crate::{
         joint::{Joint, Part, People},
         pool::{Claim, Pool, sidecar, write_whole},
     },
+    error::parameter,
 };
 
 /// Name of the folder in the pool, and of the state in it.
@@ -373,8 +375,11 @@ impl Whose {
                 new.name
             );
         }
-        let before = detector.regime();
+        let (before, fitted) = (detector.regime(), detector.misfit().is_none());
         let events = detector.read_in_parts(values.view(), &[], size, control)?;
+        if let Some(misfit) = detector.misfit().filter(|_| fitted) {
+            tracing::warn!("{}", spelled_out(&misfit, parameter));
+        }
         self.stretches.push(Stretch { batch: new.name.to_owned(), first, rows, start, dt });
         let surplus = self.stretches.len().saturating_sub(STRETCHES);
         self.stretches.drain(..surplus);

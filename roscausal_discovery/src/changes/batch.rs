@@ -130,6 +130,16 @@ pub(super) fn column(batches: &[&Batch], node: Node, past: usize) -> Vec<f64> {
     all
 }
 
+/// The squares of a column, with each batch's mean taken off.
+pub(super) fn squares(batches: &[&Batch], node: Node, past: usize) -> Vec<f64> {
+    let of_batch = |batch: &&Batch| {
+        let squares: Vec<f64> = column(&[*batch], node, past).into_iter().map(|v| v * v).collect();
+        let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+        squares.into_iter().map(move |v| v - mean)
+    };
+    batches.iter().flat_map(of_batch).collect()
+}
+
 /// Values as rows, for files.
 mod rows {
     use ndarray::Array2;

@@ -1,7 +1,7 @@
 //! Whether the mechanisms of two groups of batches differ.
 
 use super::{
-    batch::{Batch, column},
+    batch::{Batch, column, squares},
     curves,
     event::{Form, Kind},
     place::Place,
@@ -10,10 +10,15 @@ use super::{
 use crate::{
     analysis::analyse,
     methods::Method,
-    numeric::slope::{Slope, slope},
+    numeric::slope::{Conditions, Slope, dot, slope},
     settings::Settings,
     types::{DataFrame, MaskType, Node, Result},
 };
+
+/// So many squares are conditions of an effect at most; each stands out so far, in standard deviations, and at this level.
+const MOST_CURVED: usize = 2;
+const CURVED_Z: f64 = 5.0;
+const CURVED: f64 = 1e-6;
 
 /// Level at which the newest batch must show a change alone.
 const ALONE: f64 = 0.01;
@@ -29,6 +34,12 @@ impl Comparison<'_> {
             Form::Slope => self.linear_parents(before, after)?,
             Form::Curve => curves::inputs(self, before, after),
         };
+        let all: Vec<&Batch> = before.iter().chain(after).copied().collect();
+        let curved = |(effect, parents): (usize, &Vec<Node>)| match self.form {
+            Form::Slope if !self.exogenous.contains(&effect) => self.curved(&all, effect, parents),
+            _ => Vec::new(),
+        };
+        let curved = parents.iter().enumerate().map(curved).collect();
         let one_sided: Vec<usize> =
             self.exogenous.iter().copied().filter(|&var| range(before, var) != range(after, var)).collect();
         // Where it is (nearly) constant within each batch, nothing says which mechanisms it touches.
@@ -38,7 +49,7 @@ impl Comparison<'_> {
         let all = one_sided.iter().any(switched) || !one_sided.iter().all(seen);
         let touched = |of: &Vec<Node>| all || of.iter().any(|node| one_sided.contains(&node.var));
         let left_out = parents.iter().map(touched).collect();
-        Ok(Mechanisms { parents, left_out, incomparable: all })
+        Ok(Mechanisms { parents, curved, left_out, incomparable: all })
     }
 
     /// The parents that PCMCI with ParCorr finds.
@@ -64,12 +75,52 @@ impl Comparison<'_> {
         Ok(parents)
     }
 
-    /// The links that are compared: all of one variable to another at lags from 1 on.
+    /// The nodes whose squares drive an effect beyond its parents, strongest first.
+    fn curved(&self, batches: &[&Batch], effect: usize, parents: &[Node]) -> Vec<Node> {
+        let of = |node: Node| column(batches, node, self.past());
+        let square = |node: Node| squares(batches, node, self.past());
+        let y = of(Node::new(effect, 0));
+        let nodes: Vec<Node> = (0..self.names.len())
+            .flat_map(|var| (1..=self.tau_max).map(move |lag| Node::new(var, lag)))
+            .collect();
+        let (mut found, mut given): (Vec<Node>, Vec<Vec<f64>>) =
+            (Vec::new(), parents.iter().map(|&node| of(node)).collect());
+        while found.len() < MOST_CURVED {
+            let refs: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
+            let Some(left) = Conditions::new(&refs).map(|given| given.residuals(&y)) else { break };
+            let stands_out = |node: &Node| {
+                let squares = square(*node);
+                let scale = (dot(&squares, &squares) * dot(&left, &left) / left.len() as f64).sqrt();
+                dot(&squares, &left).abs() / scale
+            };
+            let new = nodes.iter().filter(|node| !found.contains(node)).map(|node| (*node, stands_out(node)));
+            let best = new.filter(|(_, z)| *z >= CURVED_Z).max_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((node, _)) = best else { break };
+            let squares = square(node);
+            if !parents.contains(&node) {
+                given.push(of(node));
+            }
+            let refs: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
+            if slope(&y, &squares, &refs, batches.len()).is_none_or(|slope| slope.p_value() > CURVED) {
+                break;
+            }
+            found.push(node);
+            given.push(squares);
+        }
+        found
+    }
+
+    /// The links that are compared: all of one variable to another at lags from 1 on. Of an effect with a curve only those of the causes that
+    /// bend: the slopes of others take up what squares leave of the curve.
     fn places(&self, mechanisms: &Mechanisms) -> Vec<Place> {
         let n = self.names.len();
         let mut all = Vec::new();
         for effect in (0..n).filter(|&var| !mechanisms.left_out[var] && !self.exogenous.contains(&var)) {
-            for cause in (0..n).filter(|&cause| cause != effect) {
+            let curved = mechanisms.curved[effect].iter().map(|node| node.var).filter(|var| *var != effect);
+            let curved: Vec<usize> = curved.collect();
+            let is_compared =
+                |cause: &usize| *cause != effect && (curved.is_empty() || curved.contains(cause));
+            for cause in (0..n).filter(is_compared) {
                 all.extend((1..=self.tau_max).map(|lag| Place { cause, effect, lag }));
             }
         }
@@ -80,18 +131,37 @@ impl Comparison<'_> {
     pub(super) fn slope(&self, batches: &[&Batch], at: Place, mechanisms: &Mechanisms) -> Option<Slope> {
         let of = |node: Node| column(batches, node, self.past());
         let (y, x) = (of(Node::new(at.effect, 0)), of(Node::new(at.cause, at.lag)));
-        let given: Vec<Vec<f64>> = mechanisms.given(at).into_iter().map(of).collect();
+        let mut given: Vec<Vec<f64>> = mechanisms.given(at).into_iter().map(of).collect();
+        given.extend(mechanisms.curved[at.effect].iter().map(|&node| squares(batches, node, self.past())));
         let given: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
         slope(&y, &x, &given, batches.len())
     }
 
+    /// The slope of an effect on the square of a node.
+    fn bend(&self, batches: &[&Batch], node: Node, effect: usize, mechanisms: &Mechanisms) -> Option<Slope> {
+        let of = |node: Node| column(batches, node, self.past());
+        let square = |node: Node| squares(batches, node, self.past());
+        let others = mechanisms.parents[effect].iter().filter(|other| **other != node).chain([&node]);
+        let curved = mechanisms.curved[effect].iter().filter(|other| **other != node);
+        let given: Vec<Vec<f64>> =
+            others.map(|&other| of(other)).chain(curved.map(|&other| square(other))).collect();
+        let given: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
+        slope(&of(Node::new(effect, 0)), &square(node), &given, batches.len())
+    }
+
     fn slopes_differ(&self, (before, after): Groups<'_>, mechanisms: &Mechanisms) -> Result<Vec<Difference>> {
-        let mut found = Vec::new();
+        let (mut found, groups) = (Vec::new(), [before, after]);
         for at in self.places(mechanisms) {
             self.control.check()?;
-            let slopes = (self.slope(before, at, mechanisms), self.slope(after, at, mechanisms));
-            if let (Some(before), Some(after)) = slopes {
-                let (kind, z) = (kind_of(before, after), before.z_of_same(after));
+            if let [Some(before), Some(after)] = groups.map(|group| self.slope(group, at, mechanisms)) {
+                let (kind, mut z) = (kind_of(before, after), before.z_of_same(after));
+                // Where a cause bends, its slope depends on where its values lie; a change moves the bend, too.
+                for node in mechanisms.curved[at.effect].iter().filter(|node| node.var == at.cause) {
+                    let bends = groups.map(|group| self.bend(group, *node, at.effect, mechanisms));
+                    if let [Some(before), Some(after)] = bends {
+                        z = z.clamp(-before.z_of_same(after).abs(), before.z_of_same(after).abs());
+                    }
+                }
                 found.push(Difference { at, before, after, kind, z, p: 1.0, q: 1.0 });
             }
         }

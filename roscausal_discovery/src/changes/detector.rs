@@ -1,6 +1,6 @@
 //! The detector: regime, suspicion, decision.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 
 use ndarray::{Array2, ArrayView2, s};
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ use super::{
     terms::{Comparison, Difference, Mechanisms, NONE},
     when,
 };
-use crate::types::{Control, Error, Result};
+use crate::types::{Control, Error, Named, Result, names::plain};
 
 /// Most rows of a regime that are compared; but this many parts, however long.
 const MOST_ROWS: usize = 2000;
@@ -66,6 +66,9 @@ pub struct Detector {
     /// What the newest regime is known to have begun with.
     #[serde(default)]
     begun: Begun,
+    /// Cause and effect of curves that were seen among slopes.
+    #[serde(default)]
+    curved: BTreeSet<(usize, usize)>,
     #[serde(default, alias = "yardstick")]
     baseline: Baseline,
     rows: usize,
@@ -124,6 +127,7 @@ impl Detector {
             closed: VecDeque::new(),
             held: None,
             begun: Begun::default(),
+            curved: BTreeSet::new(),
             baseline: Baseline::default(),
             rows: 0,
             reported: 0,
@@ -176,6 +180,23 @@ impl Detector {
     /// The variables, in the order of the columns.
     pub fn names(&self) -> &[String] {
         &self.names
+    }
+
+    /// What slopes do not follow, in a sentence; nothing is found there, and nothing should be concluded from that.
+    pub fn misfit(&self) -> Option<String> {
+        let name = |var: usize| plain(&self.names[var]);
+        let curves: Vec<String> = self
+            .curved
+            .iter()
+            .map(|&(cause, effect)| format!("{} on {}", name(effect), name(cause)))
+            .collect();
+        (!curves.is_empty()).then(|| {
+            format!(
+                "slopes do not fit where a dependence is a curve ({}): its changes are not seen; {} gpdc compares curves",
+                curves.join(", "),
+                Named("test")
+            )
+        })
     }
 
     /// Events told so far, all stages of one change as one.
@@ -347,11 +368,15 @@ impl Detector {
             return Ok(());
         }
         let mut differences = comparison.differences((&regime, &[&batch]), &mechanisms)?;
+        let curved = mechanisms.curved.iter().enumerate();
+        let curved = curved.flat_map(|(effect, nodes)| nodes.iter().map(move |node| (node.var, effect)));
+        let curved: Vec<(usize, usize)> = curved.filter(|(cause, effect)| cause != effect).collect();
         let all: Vec<(Place, f64)> = differences.iter().map(|link| (link.at, link.z)).collect();
         let begins = self.baseline.comparisons() < FIRST;
         differences.retain(|difference| !begins && difference.q <= self.levels.suspect);
         differences.sort_by(|a, b| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)));
         if differences.is_empty() {
+            self.curved.extend(curved);
             self.baseline.add(all);
             self.join(batch);
             return Ok(());
@@ -372,6 +397,7 @@ impl Detector {
         }
         events.extend(pushed.into_iter().map(|(id, of)| self.event(id, Status::Suspected, &of)));
         self.reported = reported;
+        self.curved.extend(curved);
         self.held = Some(Suspicion { batch, more: Vec::new(), links, all });
         Ok(())
     }

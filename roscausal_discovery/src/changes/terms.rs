@@ -50,6 +50,8 @@ pub(super) struct Comparison<'a> {
 /// The conditions of each effect, and the effects that are not compared.
 pub(super) struct Mechanisms {
     pub(super) parents: Vec<Vec<Node>>,
+    /// Nodes that drive each effect by a curve: their squares are conditions, too.
+    pub(super) curved: Vec<Vec<Node>>,
     pub(super) left_out: Vec<bool>,
     /// Nothing can be compared: an intervention that only one of the groups has is constant within each batch.
     pub(super) incomparable: bool,

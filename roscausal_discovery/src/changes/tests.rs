@@ -246,6 +246,23 @@ fn bent(n: usize, seed: u64, strength: impl Fn(usize) -> f64, noise: impl Fn(usi
 }
 
 #[test]
+fn slopes_say_where_a_dependence_is_a_curve_and_tell_no_change_of_it() {
+    let read = |values: &Array2<f64>| {
+        let mut detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
+        let events = detector.read_in_parts(values.view(), &[], 200, &Control::default()).unwrap();
+        (events.iter().filter(|event| event.status == Status::Confirmed).count(), detector.misfit())
+    };
+    let mut told = 0;
+    for seed in 1..=10 {
+        let (confirmed, misfit) = read(&bent(3000, seed, |_| 0.8, |_| 1.0));
+        told += confirmed;
+        assert!(misfit.as_ref().is_some_and(|misfit| misfit.contains("(b on a)")), "seed {seed}: {misfit:?}");
+        assert_eq!(read(&series(3000, seed, |_| 0.6, |_| 1.0)).1, None, "seed {seed}: lines");
+    }
+    assert!(told <= 1, "{told} of 10 recordings in which nothing changes");
+}
+
+#[test]
 fn a_mechanism_that_is_no_line_is_seen_by_curves_and_a_noise_that_changes_is_no_event() {
     let reported = |values: &Array2<f64>| {
         let detector = Detector::new(names(), 1, &[], Levels::default()).unwrap();
