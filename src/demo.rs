@@ -87,7 +87,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let run = Run::of(args)?;
     let record = args.sink.claim()?;
-    if args.web.wanted() {
+    if args.web.web {
         return run.watch(args, record, interrupt);
     }
     let Args { scenario, duration, seed, .. } = args;

@@ -462,7 +462,7 @@ impl Data {
             Some(data) => data,
             None => Self::of(args.how.read.read(
                 &files,
-                args.how.inputs.dt(),
+                args.how.inputs.dt,
                 &args.how.part.columns(),
                 args.how.means.max_bytes(),
             )?)?,
@@ -523,7 +523,7 @@ fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settin
     };
     for fault in faults {
         let reason = match fault {
-            Fault::MissingFlag { .. } if args.how.read.knows_of_missing_values() => continue,
+            Fault::MissingFlag { .. } if !args.how.read.missing_value.is_empty() => continue,
             Fault::MissingFlag { name, value, count } => format!(
                 "{name} is {value} in {count} rows, far from all its other values: it seems to stand for a missing value; \
                  {flag}={value} takes it as one, {flag}=none keeps it",
@@ -553,10 +553,10 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
         let facts = Facts::read(file);
         facts.ids.len() > 1 || !facts.context.is_empty()
     };
-    let own = args.how.read.chooses_columns()
-        || args.how.read.joins()
-        || (args.how.inputs.ignores_settings() && files.iter().all(|file| file.table == file.user))
-        || (!args.how.read.features().is_empty() && files.iter().all(|file| file.table == file.user));
+    let own = args.how.read.columns.is_some()
+        || args.how.read.join
+        || (args.how.inputs.ignore_settings && files.iter().all(|file| file.table == file.user))
+        || (!args.how.read.features.is_empty() && files.iter().all(|file| file.table == file.user));
     if own || !tables.iter().any(says_more) {
         return Ok(None);
     }

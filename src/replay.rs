@@ -146,7 +146,7 @@ impl Args {
         let mut sink = Sink::open(bus, record)?;
         let play = Play::new(bus, &mut source.recording, &source.inputs)?;
         let (nodes, progress) = Nodes::start(bus, source.inputs.nodes).with_discovery();
-        let mut nodes = nodes.with_reasoning(self.web.wanted());
+        let mut nodes = nodes.with_reasoning(self.web.web);
         sink.watch()?;
         let web = Web::start(bus, &self.web, "")?;
 

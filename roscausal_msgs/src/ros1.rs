@@ -13,7 +13,7 @@ use crate::{
 pub fn to_bytes<M: Message>(message: &M, seq: u32) -> Result<Vec<u8>, WireError> {
     let mut encoder = Encoder::new(Layout::ROS1, &[], seq);
     message.serialize(&mut encoder).map_err(Fault::of::<M>)?;
-    Ok(encoder.finish())
+    Ok(encoder.bytes)
 }
 
 /// The message in `bytes`, which must end with it, and the `seq` of its first header if it has one.

@@ -82,7 +82,7 @@ pub(crate) fn discover(
     let own = test.map(|test| test_of(&test, request.settings.tau_max)).transpose().map_err(raised)?;
     let (own, failure) = own.map_or((None, None), |(test, failure)| (Some(test), failure));
     let start = Instant::now();
-    let (data, settings) = for_data(&request, frame.data()).map_err(raised)?;
+    let (data, settings) = for_data(&request, frame.data.clone()).map_err(raised)?;
     // What the command refuses, its own caller may want; what the data are like is told.
     let (mut profile, faults) = DataProfile::of(&data, settings.tau_max);
     profile.remarks.extend(faults.into_iter().map(|fault| match fault {

@@ -64,7 +64,7 @@ pub(crate) fn run<'py>(
     test: &Bound<'py, PyAny>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let data = frame.data();
+    let data = frame.data.clone();
     let mut given = Given::read(settings).map_err(raised)?;
     let means = means(&mut given, progress).map_err(raised)?;
     let parents = given.take("parents").map(|list| parents_of(&list)).transpose().map_err(raised)?;
@@ -148,7 +148,7 @@ pub(crate) fn run_test(
     z: Vec<(usize, usize)>,
     cut_off: usize,
 ) -> PyResult<Answer> {
-    let data = frame.data();
+    let data = frame.data.clone();
     let node = |(var, lag): (usize, usize)| Node::new(var, lag);
     let (x, y, z): (_, _, Vec<Node>) = (node(x), node(y), z.into_iter().map(node).collect());
     let outside = |node: &&Node| node.var >= data.n_vars() || node.lag > cut_off;

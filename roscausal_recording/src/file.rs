@@ -9,8 +9,8 @@ use std::{
 /// A file that is read at any position, never past its end.
 pub(crate) struct Bytes {
     file: BufReader<File>,
-    length: u64,
-    offset: u64,
+    pub(crate) length: u64,
+    pub(crate) offset: u64,
 }
 
 impl Bytes {
@@ -18,14 +18,6 @@ impl Bytes {
         let file = File::open(path)?;
         let length = file.metadata()?.len();
         Ok(Self { file: BufReader::with_capacity(1 << 16, file), length, offset: 0 })
-    }
-
-    pub(crate) fn length(&self) -> u64 {
-        self.length
-    }
-
-    pub(crate) fn offset(&self) -> u64 {
-        self.offset
     }
 
     pub(crate) fn left(&self) -> u64 {

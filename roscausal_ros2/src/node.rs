@@ -31,7 +31,7 @@ use crate::{
 /// is dropped.
 #[derive(Clone)]
 pub struct Ros2 {
-    inner: Arc<Inner>,
+    pub(crate) inner: Arc<Inner>,
 }
 
 /// The message for a DDS library that does not answer.
@@ -96,10 +96,6 @@ impl Ros2 {
         self.inner.failed.load(Ordering::SeqCst)
     }
 
-    pub(crate) fn inner(&self) -> &Arc<Inner> {
-        &self.inner
-    }
-
     /// Announces the node again shortly after its start, then watches the clock until the node has left.
     fn watch(&self) {
         let inner = Arc::downgrade(&self.inner);
@@ -125,7 +121,7 @@ impl Middleware for Ros2 {
     type Server = Server;
 
     fn node_name(&self) -> String {
-        self.inner.participant.names().full_name()
+        self.inner.participant.names.full_name()
     }
 
     fn advertise<M: Message>(&self, topic: &str, qos: Qos) -> Result<Self::Publisher<M>> {

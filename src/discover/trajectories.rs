@@ -89,8 +89,8 @@ impl TrajectoryArgs {
         let choice = TrajectoryChoice {
             who: self.agent.clone().unwrap_or_else(|| EVERYBODY.to_owned()),
             obstacle: self.obstacle.clone(),
-            dt: args.how.inputs.dt(),
-            max_gap: args.how.read.max_gap(),
+            dt: args.how.inputs.dt,
+            max_gap: args.how.read.max_gap,
             // A few samples more than the lags take.
             least_rows: args.how.method.tau_max().saturating_mul(2).saturating_add(4),
         };
@@ -99,7 +99,7 @@ impl TrajectoryArgs {
             let found = walks(file, &reading, &choice, &postprocess)?;
             warnings.extend(found.notes.iter().map(|note| format!("{}: {note}", file.display())));
             for (place, (agent, mut table)) in found.tables.into_iter().enumerate() {
-                if let Some(columns) = args.how.read.columns() {
+                if let Some(columns) = &args.how.read.columns {
                     table.keep(columns)?;
                 }
                 let user = file.with_file_name(format!(
@@ -117,7 +117,7 @@ impl TrajectoryArgs {
     /// The data node's parameters: those of `--param`, and the features.
     fn parameters(&self, args: &Args) -> Result<Vec<(String, Value)>> {
         let mut given = Vec::new();
-        for text in args.how.inputs.params().into_iter().chain(args.how.read.as_parameter()) {
+        for text in args.how.inputs.params.iter().cloned().chain(args.how.read.as_parameter()) {
             let (node, name, value) = parameter(&text)?;
             if node != "data" {
                 return Err(Error::param(

@@ -79,7 +79,7 @@ pub(crate) struct InputArgs {
     person: Option<String>,
     /// Step between samples, seconds: of a recording's batches; a table is resampled to it (--resample).
     #[arg(long, value_name = "SECONDS", help_heading = "Data")]
-    dt: Option<f64>,
+    pub(crate) dt: Option<f64>,
     /// Recording: length of a batch, seconds; 0: until the end. Several batches are recordings of one system. Default: as
     /// recorded, otherwise 0 (replay: 150).
     #[arg(long, value_name = "SECONDS")]
@@ -87,29 +87,14 @@ pub(crate) struct InputArgs {
     /// Recording: a parameter of the node robot, human or data (docs/parameters.md), such as `data.safe_dist=4`;
     /// may be given several times.
     #[arg(long = "param", value_name = "NODE.NAME=VALUE")]
-    params: Vec<String>,
+    pub(crate) params: Vec<String>,
     /// Use no settings from files: neither those that came with the data (in a recording, `FILE.roscausal.toml`, `roscausal.toml`
     /// and a batch's .json beside it) nor your own.
     #[arg(long)]
-    ignore_settings: bool,
+    pub(crate) ignore_settings: bool,
 }
 
 impl InputArgs {
-    /// Whether settings of files are left out.
-    pub(crate) fn ignores_settings(&self) -> bool {
-        self.ignore_settings
-    }
-
-    /// The step between samples, if it was given.
-    pub(crate) fn dt(&self) -> Option<f64> {
-        self.dt
-    }
-
-    /// The parameters of nodes, as given.
-    pub(crate) fn params(&self) -> Vec<String> {
-        self.params.clone()
-    }
-
     /// The same flags, with a parameter more.
     pub(crate) fn with_param(&self, param: Option<String>) -> Self {
         let mut with = self.clone();

@@ -153,7 +153,7 @@ impl<'a> Play<'a> {
         mut each: impl FnMut(f64, Time) -> bool,
     ) -> Result<Played> {
         let mut seen = -1.0;
-        let topics = self.recording.recording().topics().to_vec();
+        let topics = self.recording.recording.topics().to_vec();
         numbers.resize(topics.len(), 0);
         for (publisher, message) in &self.fixed {
             publisher.publish(message)?;
@@ -182,13 +182,13 @@ impl<'a> Play<'a> {
                 }
             }
             self.played.messages += 1;
-            let progress = self.recording.recording().progress();
+            let progress = self.recording.recording.progress();
             if (progress != seen || self.played.messages.is_multiple_of(64)) && !each(progress, self.now) {
                 break;
             }
             seen = progress;
         }
-        self.played.losses = self.recording.recording().losses().to_vec();
+        self.played.losses = self.recording.recording.losses().to_vec();
         Ok(self.played)
     }
 

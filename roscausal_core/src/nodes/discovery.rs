@@ -406,7 +406,7 @@ impl<M: Middleware> Node<M> {
 
     /// Reports the node's health if a report is due.
     fn report(&mut self, mw: &M) {
-        let left = self.health.due().secs_since(mw.now());
+        let left = self.health.next.secs_since(mw.now());
         // A clock that jumped back must not stop the reports.
         if left > 0.0 && left < 5.0 {
             return;

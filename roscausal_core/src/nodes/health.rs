@@ -21,7 +21,8 @@ pub(super) struct Health<M: Middleware> {
     publisher: M::Publisher<DiagnosticArray>,
     namespace: String,
     started: Time,
-    next: Time,
+    /// When the next report is due.
+    pub(super) next: Time,
     inputs: Vec<Input>,
     outputs: u64,
     fails: bool,
@@ -77,11 +78,6 @@ impl<M: Middleware> Health<M> {
     /// Whether the node's trouble keeps it from its work: an error, not a warning.
     pub(super) fn fails(&mut self, fails: bool) {
         self.fails = fails;
-    }
-
-    /// When the next report is due.
-    pub(super) fn due(&self) -> Time {
-        self.next
     }
 
     /// Reports if a report is due. `figures` gives the node's own figures, `trouble` its current problem.

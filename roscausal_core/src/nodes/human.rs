@@ -140,7 +140,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     let mut frames = Frames::new(&params.text("people_frames"));
     let (mut goal_due, mut published, mut unstamped) = (mw.now(), Time::ZERO, 0_u64);
     loop {
-        let due = if goal_param.is_some() { goal_due.min(health.due()) } else { health.due() };
+        let due = if goal_param.is_some() { goal_due.min(health.next) } else { health.next };
         match inbox.awaited(mw, Some(due)).await {
             Next::Shutdown => return Ok(()),
             Next::Event(Event::People(input, stamp, people)) => {

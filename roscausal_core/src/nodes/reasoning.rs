@@ -149,7 +149,7 @@ fn with_inbox<M: Middleware>(mw: &M, inbox: Inbox<Event>, in_line: bool) -> Resu
     };
     let _rows = inbox.subscribe(mw, FEATURES_TOPIC, Qos::Volatile(10), Event::Features)?;
     loop {
-        match inbox.next(mw, Some(health.due().min(node.next_fit))) {
+        match inbox.next(mw, Some(health.next.min(node.next_fit))) {
             Next::Shutdown => return Ok(()),
             Next::Deadline => {}
             Next::Event(Event::Features(row)) => {

@@ -45,7 +45,7 @@ impl Participant {
         topic: &str,
         callback: impl FnMut(Raw) + Send + 'static,
     ) -> Result<Subscription> {
-        let topic = self.names().resolve(topic)?;
+        let topic = self.names.resolve(topic)?;
         let subscription = Subscription::waiting();
         let (gate, task) = (subscription.gate.clone(), subscription.task.clone());
         let (node, name) = (Arc::downgrade(self), topic.clone());

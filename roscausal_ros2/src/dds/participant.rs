@@ -28,7 +28,8 @@ use crate::rcl::{Enclave, Names, Network};
 
 /// A node's participant. It leaves the domain when it is dropped, or when it is told to.
 pub(crate) struct Participant {
-    names: Names,
+    /// The node's name, and what its remaps make of others.
+    pub(crate) names: Names,
     network: Network,
     /// Whether what it sends may be encrypted.
     pub(super) secured: bool,
@@ -131,11 +132,6 @@ impl Participant {
         let session = Arc::downgrade(&this.session);
         watchdog::watch(move || answers(&session), watchdog::PATIENCE, on_hang);
         Ok(Arc::new(this))
-    }
-
-    /// The node's name, and what its remaps make of others.
-    pub(crate) fn names(&self) -> &Names {
-        &self.names
     }
 
     /// Runs `work` with the handles of the library.
