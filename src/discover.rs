@@ -570,7 +570,7 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     let recorded = files.iter().any(|file| file.table != file.user);
     Ok(Some(Data {
         data: part.data,
-        dt: joint.dt(),
+        dt: joint.dt,
         warnings: joint.warnings,
         recorded,
         origins: Vec::new(),

@@ -230,17 +230,7 @@ pub(super) fn built_in(params: &Params) -> Result<Postprocess> {
 /// The parameters that are recorded beside each batch.
 fn noted(params: &Params) -> Map<String, Json> {
     let what = params.all().filter(|(name, _)| !PLACES.contains(name));
-    what.map(|(name, value)| (name.to_owned(), as_json(value))).collect()
-}
-
-fn as_json(value: &Value) -> Json {
-    match value {
-        Value::Bool(value) => json!(value),
-        Value::Int(value) => json!(value),
-        Value::Double(value) => json!(value),
-        Value::Str(value) => json!(value),
-        Value::List(values) => values.iter().map(as_json).collect(),
-    }
+    what.map(|(name, value)| (name.to_owned(), json!(value))).collect()
 }
 
 #[cfg(test)]

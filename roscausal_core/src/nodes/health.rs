@@ -50,12 +50,8 @@ impl<M: Middleware> Health<M> {
         self.add(topic, T::type_name(), required)
     }
 
-    /// Registers an input of any type.
-    pub(super) fn any_input(&mut self, topic: &str, required: bool) -> usize {
-        self.add(topic, String::new(), required)
-    }
-
-    fn add(&mut self, topic: &str, type_name: String, required: bool) -> usize {
+    /// Registers an input of this type; empty: of any.
+    pub(super) fn add(&mut self, topic: &str, type_name: String, required: bool) -> usize {
         let topic = match topic.starts_with('/') {
             true => topic.to_owned(),
             false => format!("{}/{topic}", self.namespace),

@@ -283,7 +283,7 @@ fn subscribe_people<M: Middleware>(
         let definitions = Arc::new(Definitions::of(&params.text("msg_path")));
         for topic in topic.split(',').map(str::trim).filter(|topic| !topic.is_empty()) {
             let (send, place) = (inbox.sender(), readers.len());
-            let input = health.any_input(topic, true);
+            let input = health.add(topic, String::new(), true);
             readers.push((input, Reader::new(topic, &classes, definitions.clone())));
             subscriptions.push(mw.listen(topic, move |message| send.send(Event::Any(place, message)))?);
         }

@@ -55,7 +55,7 @@ pub(super) struct Regime {
     /// Stamp of its first sample, seconds.
     last_start: f64,
     /// The batches of the present model and their rows, oldest first.
-    window: Vec<(String, usize)>,
+    pub(super) window: Vec<(String, usize)>,
     /// Per person; the name is empty for the model of all.
     whose: BTreeMap<String, Whose>,
     /// The last events, oldest first.
@@ -194,7 +194,7 @@ impl Regime {
         }
         let mut joint = Joint::read(&[new.path])?;
         let announced = joint.announced();
-        let (start, dt) = (joint.span().0.unwrap_or_default(), joint.dt().unwrap_or_default());
+        let (start, dt) = (joint.span().0.unwrap_or_default(), joint.dt.unwrap_or_default());
         let mut rows = 0;
         for part in joint.parts(new.people)? {
             rows = rows.max(part.data.recordings().iter().map(|recording| recording.nrows()).sum());
@@ -310,11 +310,6 @@ impl Regime {
     pub(super) fn suspicion(&self) -> Option<String> {
         let last = self.events.last().filter(|reported| reported.event.status == Status::Suspected)?;
         Some(last.event.sentence())
-    }
-
-    /// Batches of the present model.
-    pub(super) fn n_batches(&self) -> usize {
-        self.window.len()
     }
 }
 

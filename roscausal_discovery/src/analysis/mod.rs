@@ -111,7 +111,7 @@ fn analysed(
     if let Some(most) = used.filter(|_| data.shared_times().is_some()) {
         model.n_samples = most;
     }
-    if !control.is_silent() {
+    if !control.silent {
         chance::fill(&mut model, settings);
     }
     Ok((model, evidence))

@@ -25,8 +25,8 @@ impl Gaussian {
     /// The correlation matrix of all variables at lags `0..=max_lag` over the window's samples.
     pub(super) fn new(window: &Window) -> Self {
         const CHUNK: usize = 2048;
-        let (n_vars, times) = (window.n_vars(), window.times());
-        let n_cols = n_vars * (window.max_lag() + 1);
+        let (n_vars, times) = (window.n_vars(), &window.times);
+        let n_cols = n_vars * (window.max_lag + 1);
         let node = |col: usize| Node::new(col % n_vars, col / n_vars);
         let n = times.len() as f64;
         let mean: Vec<f64> = (0..n_cols)

@@ -73,7 +73,7 @@ pub struct DataFrame {
     /// The times that are samples, by recording; `None`: all.
     times: Option<Arc<Vec<Vec<usize>>>>,
     /// Tells apart the draws of times from one data frame; 0: none was drawn.
-    draw: u64,
+    pub(crate) draw: u64,
     /// The further components of variables; `None`: each is one column.
     vectors: Option<Vectors>,
     /// What recordings of one time have in common; `None`: nothing.
@@ -194,11 +194,6 @@ impl DataFrame {
     /// The listed times of a recording; `None`: all.
     pub(crate) fn times(&self, recording: usize) -> Option<&[usize]> {
         self.times.as_ref().map(|times| times[recording].as_slice())
-    }
-
-    /// The number of the draw that chose the times; 0: none was drawn.
-    pub(crate) fn draw(&self) -> u64 {
-        self.draw
     }
 
     /// Treats every value that equals `flag` as missing. The further components of vectors keep theirs.

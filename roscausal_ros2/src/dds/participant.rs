@@ -102,7 +102,7 @@ impl Participant {
         }
         let domain = format!("cannot join DDS domain {}", network.domain_id);
         let participant = secured(builder, enclave).build().map_err(|error| match enclave {
-            Some(enclave) => Error::file(enclave.folder(), format!("{domain} with this enclave: {error}")),
+            Some(enclave) => Error::file(&enclave.folder, format!("{domain} with this enclave: {error}")),
             None => middleware(&domain, error),
         })?;
         let context =
@@ -239,10 +239,8 @@ fn answers(session: &Weak<Mutex<Option<Session>>>) -> bool {
 fn secured(builder: DomainParticipantBuilder, enclave: Option<&Enclave>) -> DomainParticipantBuilder {
     let Some(enclave) = enclave else { return builder };
     // The keys of SROS2 have no password.
-    let files = rustdds::DomainParticipantSecurityConfigFiles::with_ros_default_names(
-        enclave.folder(),
-        String::new(),
-    );
+    let files =
+        rustdds::DomainParticipantSecurityConfigFiles::with_ros_default_names(&enclave.folder, String::new());
     builder.builtin_security(files)
 }
 
