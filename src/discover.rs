@@ -18,7 +18,7 @@ use std::{
     sync::{Arc, atomic::AtomicBool},
 };
 
-use clap::{Args as ClapArgs, Parser, ValueEnum};
+use clap::{Args as ClapArgs, ValueEnum};
 use ndarray::Array2;
 use roscausal_core::{
     Error, Result,
@@ -203,10 +203,10 @@ fn explain(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let recommended = Recommendation::of(&data, &request.settings);
     let chosen = args.how.method.chosen(&recommended, &request)?;
     let (method, test) = (chosen.method, &chosen.cond_ind_test);
-    crate::terminal::say!("For these data I would take {method} with {test}:");
-    recommended.why.iter().for_each(|reason| crate::terminal::say!("* {reason}"));
-    crate::terminal::say!("* {}: {}", method.name(), method.info().assumes);
-    crate::terminal::say!(
+    say!("For these data I would take {method} with {test}:");
+    recommended.why.iter().for_each(|reason| say!("* {reason}"));
+    say!("* {}: {}", method.name(), method.info().assumes);
+    say!(
         "Nothing was analysed. The same command with --method {method} --test {test} does it, or with --take-it. `roscausal methods` \
          has all methods."
     );
@@ -266,7 +266,7 @@ fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<
     let profile =
         if settings.test.as_tigramite { profile } else { profile.with_later(&data, settings.tau_max, dt) };
     if let Some(reported) = estimate::check(&data, &settings, resampling.as_ref(), &args.how.means)? {
-        crate::terminal::tell!("{reported}");
+        tell!("{reported}");
     }
     let Resampled { mut model, evidence, graphs } =
         args.how.means.analyse(&data, &settings, resampling.as_ref(), interrupt, quiet)?;
@@ -298,7 +298,7 @@ pub(crate) fn read(
     seed: u64,
     interrupt: &Interrupt,
 ) -> Result<(DataFrame, Settings, Option<f64>)> {
-    let args = Args::of(files, how, seed);
+    let args = Args::of(files, how, seed)?;
     let mut request = args.how.method.request(seed)?;
     request.settings.test.max_memory = args.how.means.max_bytes();
     let Data { data, dt, origins, runs, .. } =
@@ -326,22 +326,9 @@ impl Args {
     }
 
     /// An analysis that prints the usual.
-    pub(crate) fn of(files: &[PathBuf], how: &AnalysisArgs, seed: u64) -> Self {
-        Self {
-            files: files.to_vec(),
-            how: how.clone(),
-            resample: ResampleArgs::default(),
-            result: ResultArgs::default(),
-            trajectories: TrajectoryArgs::default(),
-            changes: ChangeArgs::default(),
-            several_people: "pooled".into(),
-            pictures: output::PictureArgs::default(),
-            take_it: false,
-            seed,
-            out: None,
-            force: false,
-            format: Vec::new(),
-        }
+    pub(crate) fn of(files: &[PathBuf], how: &AnalysisArgs, seed: u64) -> Result<Self> {
+        let usual = flags::parsed(["discover", "-"]).map_err(|error| Error::Data(error.to_string()))?;
+        Ok(Self { files: files.to_vec(), how: how.clone(), seed, ..usual })
     }
 }
 
@@ -366,16 +353,11 @@ pub struct Recordings {
 /// # Errors
 /// An unknown option, a file that cannot be read, files that do not fit together, or cancellation by `cancel`.
 pub fn read_recordings(files: &[PathBuf], options: &[String], cancel: Arc<AtomicBool>) -> Result<Recordings> {
-    #[derive(Parser)]
-    struct Alone {
-        #[command(flatten)]
-        args: Args,
-    }
     let words = std::iter::once(OsString::from("discover"))
         .chain(options.iter().map(OsString::from))
         .chain([OsString::from("--")])
         .chain(files.iter().map(|file| file.clone().into_os_string()));
-    let Alone { args } = Alone::try_parse_from(words).map_err(|error| {
+    let args: Args = flags::parsed(words).map_err(|error| {
         let text = error.to_string();
         let reason = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
         Error::param("options", reason)
@@ -591,8 +573,7 @@ fn tables_of(
             Some(flag) => Err(Error::param(flag, "it is for recordings; these files are tables")),
             None => {
                 let inputs = args.files.iter().enumerate().map(|(run, file)| Input::of_table(file, run));
-                let inputs = inputs.collect::<Result<Vec<_>>>()?;
-                Ok((inputs.concat(), None))
+                Ok((inputs.collect::<Result<Vec<_>>>()?.concat(), None))
             }
         };
     }

@@ -42,7 +42,7 @@ impl Web {
             return Ok(None);
         }
         let server = Server::start(args.address, args.port, &args.token)?;
-        crate::terminal::say!("Live page: {}  (Ctrl-C ends)", server.url());
+        say!("Live page: {}  (Ctrl-C ends)", server.url());
         let options = SceneOptions { robot: robot.to_owned(), ..SceneOptions::default() };
         let teller = server.teller();
         let page = Threaded::start(bus, "dashboard", move |mw| dashboard(mw, &server, options));

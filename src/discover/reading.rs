@@ -127,10 +127,8 @@ impl ReadArgs {
             false => Vec::new(),
         };
         if !derived.is_empty() && files.iter().any(recorded) {
-            return Err(Error::param(
-                "feature",
-                "it means one thing for tables and another for recordings; analyse them apart",
-            ));
+            let reason = "it means one thing for tables and another for recordings; analyse them apart";
+            return Err(Error::param("feature", reason));
         }
         let mut reading = Reading {
             columns: self.wanted(&derived),
@@ -150,10 +148,8 @@ impl ReadArgs {
         }
         if self.join {
             if files.iter().any(recorded) {
-                return Err(Error::param(
-                    "join",
-                    "it is for tables; a recording has all its topics side by side",
-                ));
+                let reason = "it is for tables; a recording has all its topics side by side";
+                return Err(Error::param("join", reason));
             }
             return self.joined(files, dt, &reading, &derived, besides);
         }
@@ -436,10 +432,7 @@ impl PartArgs {
             pattern.is_none_or(|pattern| Table::places(&names, &pattern).is_ok())
         };
         let variables: Vec<String> = variables.unwrap_or_default().iter().filter(is_there).cloned().collect();
-        let chosen = match variables.is_empty() {
-            true => None,
-            false => Some(Table::places(&names, &variables)?),
-        };
+        let chosen = if variables.is_empty() { None } else { Some(Table::places(&names, &variables)?) };
         let is_kept =
             |var: &usize| Some(*var) != by && chosen.as_ref().is_none_or(|chosen| chosen.contains(var));
         let kept: Vec<usize> = (0..names.len()).filter(is_kept).collect();

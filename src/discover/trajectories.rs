@@ -66,10 +66,8 @@ impl TrajectoryArgs {
     /// A file that is not a table of trajectories, or a flag that does not go with it.
     pub(super) fn read(&self, args: &Args) -> Result<Data> {
         if args.several_people == "joint" {
-            return Err(Error::param(
-                "several-people",
-                "trajectories are pooled: each agent is a recording of one system",
-            ));
+            let reason = "trajectories are pooled: each agent is a recording of one system";
+            return Err(Error::param("several-people", reason));
         }
         if let Some(flag) = args.how.read.of_lines() {
             return Err(Error::param(
@@ -109,9 +107,8 @@ impl TrajectoryArgs {
                 tables.push((Input { table: file.clone(), user, run: [number, place] }, table));
             }
         }
-        warnings.iter().for_each(|warning| crate::terminal::tell!("{warning}"));
-        let data = Data::of(tables)?;
-        Ok(Data { warnings, recorded: false, ..data })
+        warnings.iter().for_each(|warning| tell!("{warning}"));
+        Ok(Data { warnings, recorded: false, ..Data::of(tables)? })
     }
 
     /// The data node's parameters: those of `--param`, and the features.
@@ -120,10 +117,8 @@ impl TrajectoryArgs {
         for text in args.how.inputs.params.iter().cloned().chain(args.how.read.as_parameter()) {
             let (node, name, value) = parameter(&text)?;
             if node != "data" {
-                return Err(Error::param(
-                    "param",
-                    format!("trajectories know the parameters of the node data, not of {node}"),
-                ));
+                let reason = format!("trajectories know the parameters of the node data, not of {node}");
+                return Err(Error::param("param", reason));
             }
             given.push((name, Value::Str(value)));
         }
