@@ -129,8 +129,7 @@ pub struct Teller(Hub);
 impl Teller {
     /// The run has ended: what is shown stays, and nothing more comes. `text` says so, in a few words.
     pub fn ended(&self, text: &str) {
-        let data = Json::from(text).to_string().into();
-        self.0.send(Frame { kind: "ended", data }, Keep::Last);
+        self.0.send(Frame { kind: "ended", data: Json::from(text).to_string().into() }, Keep::Last);
     }
 }
 

@@ -24,6 +24,5 @@ pub fn to_bytes<M: Message>(message: &M, seq: u32) -> Result<Vec<u8>, WireError>
 pub fn from_bytes<M: Message>(bytes: &[u8]) -> Result<(M, Option<u32>), WireError> {
     let mut decoder = Decoder::new(Layout::ROS1, bytes, 0);
     let message = M::deserialize(&mut decoder).map_err(Fault::of::<M>)?;
-    let seq = decoder.finish(0).map_err(Fault::of::<M>)?;
-    Ok((message, seq))
+    Ok((message, decoder.finish(0).map_err(Fault::of::<M>)?))
 }

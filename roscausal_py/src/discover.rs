@@ -40,8 +40,7 @@ pub(crate) fn test_of(
 
 /// The exception of the user's test, if that is why a run failed.
 pub(crate) fn own_exception(failure: Option<&Failure>, error: PyErr) -> PyErr {
-    let theirs = failure.and_then(|slot| lock(slot).take());
-    theirs.unwrap_or(error)
+    failure.and_then(|slot| lock(slot).take()).unwrap_or(error)
 }
 
 /// `threads` and `time_budget` of the settings.

@@ -158,8 +158,7 @@ pub(crate) fn run_test(
         return Err(raised(Error::param("node", reason)));
     }
     let (test, failure) = test_of(test, cut_off).map_err(raised)?;
-    let means = Means::all_cores();
-    let found = watched(py, &means, move |control| {
+    let found = watched(py, &Means::all_cores(), move |control| {
         let samples = Samples::new(&data, cut_off).with_control(control.clone());
         let result = test.prepare(&samples)?.run_test(x, y, &z)?;
         Ok((result.value, result.p_value, result.confidence, result.n_samples, test.decides_by_value()))

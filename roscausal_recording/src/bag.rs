@@ -93,8 +93,7 @@ impl Bag {
         // Whatever is damaged, the next chunk begins anew.
         while let Err(fault) = self.scan_from(start, &mut pieces, &mut counts, &mut faults) {
             faults.push(fault);
-            let after = self.0.file.offset.max(start + 1);
-            match self.next_chunk(after) {
+            match self.next_chunk(self.0.file.offset.max(start + 1)) {
                 Some(offset) => start = offset,
                 None => break,
             }
@@ -310,8 +309,7 @@ impl Format for Bag {
 fn records(mut content: &[u8], mut each: impl FnMut(&Fields<&[u8]>, &[u8]) -> Parsed<()>) -> Parsed<()> {
     while !content.is_empty() {
         let header = block(&mut content)?;
-        let data = block(&mut content)?;
-        each(&Fields(header), data)?;
+        each(&Fields(header), block(&mut content)?)?;
     }
     Ok(())
 }
@@ -363,15 +361,13 @@ impl<B: AsRef<[u8]>> Fields<B> {
     }
 
     fn u64(&self, name: &str) -> Option<u64> {
-        let bytes = self.get(name)?.first_chunk::<8>()?;
-        Some(u64::from_le_bytes(*bytes))
+        Some(u64::from_le_bytes(*self.get(name)?.first_chunk::<8>()?))
     }
 
     fn time(&self, name: &str) -> Option<Time> {
         let value = self.u64(name)?;
         let (sec, nanosec) = (value as u32, (value >> 32) as u32);
-        let nanos = i64::from(sec) * 1_000_000_000 + i64::from(nanosec);
-        Some(Time::from_nanos(nanos))
+        Some(Time::from_nanos(i64::from(sec) * 1_000_000_000 + i64::from(nanosec)))
     }
 
     fn text(&self, name: &str) -> Option<String> {

@@ -25,8 +25,7 @@ impl Bytes {
     }
 
     pub(crate) fn seek(&mut self, offset: u64) -> io::Result<()> {
-        let forward = i64::try_from(i128::from(offset) - i128::from(self.offset));
-        match forward {
+        match i64::try_from(i128::from(offset) - i128::from(self.offset)) {
             Ok(distance) => self.file.seek_relative(distance)?,
             Err(_) => drop(self.file.seek(SeekFrom::Start(offset))?),
         }
@@ -39,8 +38,7 @@ impl Bytes {
         if count > self.left() {
             return Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the file ends here"));
         }
-        let size = usize::try_from(count).map_err(io::Error::other)?;
-        let mut bytes = vec![0; size];
+        let mut bytes = vec![0; usize::try_from(count).map_err(io::Error::other)?];
         self.file.read_exact(&mut bytes)?;
         self.offset += count;
         Ok(bytes)

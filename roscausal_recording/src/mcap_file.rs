@@ -46,8 +46,7 @@ impl McapFile {
             Err(reason) => Some(reason),
         };
         let faults = this.scan();
-        let lost = some_of(&faults).or(reason);
-        if let Some(reason) = lost {
+        if let Some(reason) = some_of(&faults).or(reason) {
             losses.push(format!(
                 "{}: the file is damaged or was not closed; what is whole was read ({reason})",
                 path.display()
@@ -110,8 +109,7 @@ impl McapFile {
                 at = end;
                 continue;
             }
-            let header = self.contents.seek(at).and_then(|()| self.record_header());
-            match header {
+            match self.contents.seek(at).and_then(|()| self.record_header()) {
                 Ok((op::DATA_END | op::FOOTER, _)) => return false,
                 Ok((op::CHUNK | op::MESSAGE, _)) | Err(_) => return true,
                 Ok((_, length)) => at = at.saturating_add(RECORD_HEADER).saturating_add(length),

@@ -75,8 +75,7 @@ impl Ros2 {
         let _ = owner.set(Arc::downgrade(&inner));
         services::serve(&inner)?;
         let this = Self { inner };
-        let sim_time = this.param(&USE_SIM_TIME)? == Some(Value::Bool(true));
-        this.inner.use_sim_time(sim_time)?;
+        this.inner.use_sim_time(this.param(&USE_SIM_TIME)? == Some(Value::Bool(true)))?;
         this.watch();
         Ok(this)
     }

@@ -68,8 +68,7 @@ impl<W, M> Outbox<W, M> {
                 Err(TryLockError::WouldBlock) => return,
             };
             loop {
-                let next = lock(&self.waiting).pop_front();
-                let Some(message) = next else { break };
+                let Some(message) = lock(&self.waiting).pop_front() else { break };
                 write(&mut writer, message);
             }
         }

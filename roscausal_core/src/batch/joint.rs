@@ -121,10 +121,7 @@ impl Joint {
         let mut context = Vec::new();
         for name in reported {
             // A batch without the column is one without the intervention.
-            let of = |table: &Table| match table.names.contains(name) {
-                true => column(table, name),
-                false => vec![0.0],
-            };
+            let of = |table: &Table| if table.names.contains(name) { column(table, name) } else { vec![0.0] };
             let mut values = tables.iter().flat_map(|(table, _)| of(table));
             let first = values.next();
             if values.all(|value| Some(value) == first) {

@@ -114,10 +114,8 @@ pub(super) fn recorder(params: &Params) -> Result<RecorderConfig> {
     };
     let select: Select =
         params.text("sel_agent").parse().map_err(|reason| Error::param("sel_agent", reason))?;
-    let sampling = match params.flag("subsampling") {
-        true => Sampling::Hold,
-        false => params.text("sampling").parse()?,
-    };
+    let sampling =
+        if params.flag("subsampling") { Sampling::Hold } else { params.text("sampling").parse()? };
     Ok(RecorderConfig { dt_s, ts_length_s, max_gap_s, sampling, select })
 }
 

@@ -510,9 +510,7 @@ fn rolled(
         }
         found => found?,
     };
-    for (person, model, ..) in &mut found {
-        regime.age(person, model, is_new);
-    }
+    found.iter_mut().for_each(|(person, model, ..)| regime.age(person, model, is_new));
     Ok((found, regime))
 }
 

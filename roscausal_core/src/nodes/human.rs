@@ -157,8 +157,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
             }
             Next::Event(Event::Tracked(input, stamp, prefix, ids)) => {
                 health.heard(input, mw.now());
-                let stamp = if stamp == Time::ZERO { mw.now() } else { stamp };
-                tracker.heard(stamp);
+                tracker.heard(if stamp == Time::ZERO { mw.now() } else { stamp });
                 frames.tracked(prefix, ids);
             }
             Next::Event(Event::Goal(goal)) => tracker.goal(goal),
@@ -219,9 +218,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
 /// Hands the people of a message to the tracker. What has no stamp counts as seen now.
 fn take(tracker: &mut PeopleTracker, stamp: Time, mut people: Vec<(Who, Sighting)>, now: Time) {
     let stamped = |stamp: Time| if stamp == Time::ZERO { now } else { stamp };
-    for (_, sighting) in &mut people {
-        sighting.header.stamp = stamped(sighting.header.stamp);
-    }
+    people.iter_mut().for_each(|(_, sighting)| sighting.header.stamp = stamped(sighting.header.stamp));
     tracker.message(stamped(stamp), people);
 }
 

@@ -178,9 +178,7 @@ impl<M: Middleware> Node<M> {
     fn new(mw: &M, params: ReasoningParams, fitted: Sender<Event>, in_line: bool) -> Result<Self> {
         let (pool, fits) = (pool("reasoning", params.threads)?, pool("reasoning-fit", params.threads)?);
         let mut rows = Rows::new(params.max_samples, &params.person);
-        for file in &params.data {
-            rows.add_file(file)?;
-        }
+        params.data.iter().try_for_each(|file| rows.add_file(file))?;
         let wanted =
             params.graph.clone().map(|(graph, facts)| Wanted { number: 1, graph, facts, since: None });
         Ok(Self {
@@ -322,8 +320,7 @@ impl<M: Middleware> Node<M> {
         };
         (self.fitting, self.fitted_since) = (true, wanted.since);
         if self.in_line {
-            let fitted = work(data);
-            self.take_fit(number, fitted);
+            self.take_fit(number, work(data));
             return;
         }
         let inbox = self.fitted.clone();

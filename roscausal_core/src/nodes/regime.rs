@@ -218,8 +218,7 @@ impl Regime {
                 });
             }
         }
-        let surplus = self.events.len().saturating_sub(EVENTS);
-        self.events.drain(..surplus);
+        self.events.drain(..self.events.len().saturating_sub(EVENTS));
         self.last = new.name.to_owned();
         self.last_start = start;
         self.window.push((new.name.to_owned(), rows));
@@ -230,9 +229,7 @@ impl Regime {
     /// Forgets the batches before the newest one: they cannot be analysed with it.
     pub(super) fn begin_anew(&mut self) {
         self.window.retain(|(name, _)| *name == self.last);
-        for whose in self.whose.values_mut() {
-            whose.begins = None;
-        }
+        self.whose.values_mut().for_each(|whose| whose.begins = None);
     }
 
     /// The window's limits: batches, samples, and the present regime of somebody.
@@ -371,8 +368,7 @@ impl Whose {
         let before = detector.regime();
         let events = detector.read_in_parts(values.view(), &[], size, control)?;
         self.stretches.push(Stretch { batch: new.name.to_owned(), first, rows, start, dt });
-        let surplus = self.stretches.len().saturating_sub(STRETCHES);
-        self.stretches.drain(..surplus);
+        self.stretches.drain(..self.stretches.len().saturating_sub(STRETCHES));
         if detector.regime() == before {
             self.batches += 1;
         } else {

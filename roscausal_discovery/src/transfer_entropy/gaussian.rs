@@ -113,8 +113,7 @@ impl Estimator for Gaussian {
     }
 
     fn p_max(&self, value: f64, _target: Node, candidates: &[Node], _z: &[Node]) -> f64 {
-        let p = self.p_of_one(value);
-        -(candidates.len() as f64 * (-p).ln_1p()).exp_m1()
+        -(candidates.len() as f64 * (-self.p_of_one(value)).ln_1p()).exp_m1()
     }
 
     fn p_min(&self, value: f64, _target: Node, sources: &[Node], _past: &[Node]) -> f64 {

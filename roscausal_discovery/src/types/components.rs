@@ -71,8 +71,7 @@ impl DataFrame {
         let group = |(name, columns): &(String, Vec<String>)| {
             Ok((name.clone(), columns.iter().map(place).collect::<Result<Vec<usize>>>()?))
         };
-        let groups = vectors.iter().map(group).collect::<Result<Vec<_>>>()?;
-        self.with_vectors(&groups)
+        self.with_vectors(&vectors.iter().map(group).collect::<Result<Vec<_>>>()?)
     }
 
     /// The data in which each of `groups`, a name and columns, is one variable of several components. It stands where its first

@@ -127,10 +127,7 @@ impl Control {
     /// # Errors
     /// [`Error::Cancelled`].
     pub(crate) fn check_cancelled(&self) -> Result<()> {
-        match self.stop() {
-            Some(Stop::Cancelled) => self.check(),
-            _ => Ok(()),
-        }
+        if let Some(Stop::Cancelled) = self.stop() { self.check() } else { Ok(()) }
     }
 
     /// The same time budget and cancellation, with a count of its own that nobody is told, and without words on what is found.

@@ -87,9 +87,8 @@ impl DataFrame {
     /// No recording, no variable, shapes that do not match, or an infinite value.
     pub fn new(recordings: Vec<Array2<f64>>, var_names: Vec<String>) -> Result<Self> {
         if recordings.is_empty() || var_names.is_empty() {
-            return Err(Error::Data(
-                "no data: give at least one recording with at least one variable".into(),
-            ));
+            let reason = "no data: give at least one recording with at least one variable";
+            return Err(Error::Data(reason.into()));
         }
         for (i, recording) in recordings.iter().enumerate() {
             if recording.ncols() != var_names.len() {

@@ -33,8 +33,7 @@ impl Encoder {
     }
 
     fn length(&mut self, length: usize) -> Result<(), Fault> {
-        let wire = u32::try_from(length).map_err(|_| Fault::TooLong(length))?;
-        self.number(wire.to_le_bytes());
+        self.number(u32::try_from(length).map_err(|_| Fault::TooLong(length))?.to_le_bytes());
         Ok(())
     }
 }

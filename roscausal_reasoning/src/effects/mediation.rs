@@ -191,9 +191,8 @@ pub(super) fn columns_for(
     horizon: usize,
 ) -> Result<Columns> {
     if !graph.pairs().is_empty() {
-        return Err(Error::Data(
-            "the graph has pairs without a direction; take one of its orientations".into(),
-        ));
+        let reason = "the graph has pairs without a direction; take one of its orientations";
+        return Err(Error::Data(reason.into()));
     }
     let columns = Columns::new(samples, graph, variables, horizon);
     let most = variables.iter().map(|&var| graph.parents(var).len()).max().unwrap_or(0);

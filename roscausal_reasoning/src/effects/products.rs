@@ -48,8 +48,7 @@ impl Products {
             }
             mean
         };
-        let means = columns.iter_mut().map(centre).collect();
-        Self { m: columns.len(), n, means, columns }
+        Self { m: columns.len(), n, means: columns.iter_mut().map(centre).collect(), columns }
     }
 
     /// Of all rows.

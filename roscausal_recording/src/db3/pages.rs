@@ -53,8 +53,7 @@ impl Pages {
         };
         // SQLite has no smaller ones.
         let usable = size.checked_sub(usize::from(header[20])).filter(|usable| size >= 512 && *usable >= 480);
-        let usable = usable.ok_or_else(|| io::Error::other("its header is damaged"))?;
-        Ok(Self { file, size, usable })
+        Ok(Self { file, size, usable: usable.ok_or_else(|| io::Error::other("its header is damaged"))? })
     }
 
     /// All messages in the file, in the order of the pages; each row once.

@@ -304,15 +304,12 @@ impl<'a> Scene<'a> {
         let last = ((agent.end - self.start) / self.dt + 1e-6).floor();
         let rows = (last - first + 1.0).max(0.0);
         if rows > MOST_ROWS {
-            return Err(Error::param(
-                "dt",
-                format!("{rows} rows are too many; choose a longer step than {} s", self.dt),
-            ));
+            let reason = format!("{rows} rows are too many; choose a longer step than {} s", self.dt);
+            return Err(Error::param("dt", reason));
         }
         let start_ns = ((self.start * 1e9).round() + first * step_ns) as i64;
         let stamps: Vec<i64> = (0..rows as usize).map(|row| start_ns + row as i64 * step_ns as i64).collect();
-        let max_gap = (self.max_gap * 1e9) as i64;
-        let values = |of: &Agent| of.rows(&stamps, max_gap);
+        let values = |of: &Agent| of.rows(&stamps, (self.max_gap * 1e9) as i64);
         let together =
             |other: &&Agent| other.id != agent.id && other.start <= agent.end && other.end >= agent.start;
         let others = match self.robot {

@@ -108,8 +108,7 @@ pub fn run_dynotears(
         )));
     }
     let problem = Problem::new(&rows, settings);
-    let weights = problem.solve(settings, control)?;
-    let mut result = problem.result(&weights, &rows, settings);
+    let mut result = problem.result(&problem.solve(settings, control)?, &rows, settings);
     result.links.remarks = remarks(&rows, &result, settings);
     control.count(1);
     Ok(result)
