@@ -71,7 +71,8 @@ impl DataFrame {
         let group = |(name, columns): &(String, Vec<String>)| {
             Ok((name.clone(), columns.iter().map(place).collect::<Result<Vec<usize>>>()?))
         };
-        self.with_vectors(&vectors.iter().map(group).collect::<Result<Vec<_>>>()?)
+        let groups = vectors.iter().map(group).collect::<Result<Vec<_>>>()?;
+        self.with_vectors(&groups)
     }
 
     /// The data in which each of `groups`, a name and columns, is one variable of several components. It stands where its first

@@ -84,7 +84,7 @@ impl Twins {
                 }
                 Ok(twin.rows.slice(s![now + 1..=now + REACH, ..]).to_owned())
             };
-            Ok(Self { seed, start, rows, now, acted: ACTIONS.iter().map(under).collect::<Result<_>>()? })
+            Ok(Self { acted: ACTIONS.iter().map(under).collect::<Result<_>>()?, seed, start, rows, now })
         };
         starts.iter().map(one).collect()
     }

@@ -100,7 +100,7 @@ pub(super) fn layered(n: usize, edges: &[Edge]) -> Plan {
             Route { path, label: Some(at(chain.slots[chain.label])) }
         }
     };
-    Plan { width: 0.0, height: 0.0, nodes, routes: edges.iter().zip(&chains).map(route).collect() }
+    Plan { width: 0.0, height: 0.0, routes: edges.iter().zip(&chains).map(route).collect(), nodes }
 }
 
 fn columns_of(columns: &[Vec<usize>], n_items: usize) -> Vec<usize> {
