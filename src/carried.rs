@@ -32,9 +32,9 @@ pub(crate) fn carried(path: &Path) -> Result<Carried> {
     if file.is_file() {
         for (node, value) in read(&file)? {
             let Value::Table(params) = value else { continue };
-            for (param, value) in params {
-                all.insert(format!("{node}.{param}"), texts(&value).join(","));
-            }
+            let named =
+                |(param, value): (String, Value)| (format!("{node}.{param}"), texts(&value).join(","));
+            all.extend(params.into_iter().map(named));
         }
     }
     let mut carried = Carried::default();

@@ -237,7 +237,7 @@ impl Cli {
             terminal::be_quiet();
         }
         let (whole, reported) = presets::apply(&line, &matches, &command())?;
-        reported.iter().for_each(|reported| crate::terminal::tell!("{reported}"));
+        reported.iter().for_each(|reported| tell!("{reported}"));
         let understood = command().color(colour.for_clap()).try_get_matches_from(&whole);
         let mut matches = understood.unwrap_or_else(|error| refuse(&whole, &error, colour));
         let cli =

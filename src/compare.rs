@@ -10,7 +10,7 @@ use roscausal_discovery::{
     settings::{SETTINGS, Setting},
 };
 
-use crate::{folders::read_model, output, report, results::Results, terminal};
+use crate::{folders::read_model, output, report, results::Results};
 
 /// Arguments of `roscausal compare`.
 #[derive(ClapArgs)]
@@ -40,19 +40,17 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let results = Results::wanted(args.out.as_deref(), args.force, &[args.a.clone(), args.b.clone()])?;
     let difference = Difference::of(&a, &b);
     let (first, second) = (args.a.display().to_string(), args.b.display().to_string());
-    for line in settings(&a, &b) {
-        terminal::say!("{line}");
-    }
+    settings(&a, &b).iter().for_each(|line| say!("{line}"));
     let names = |model: &Model| -> Vec<String> {
         model.features.iter().chain(&model.dropped).map(|name| plain(name)).collect()
     };
     for (name, here, there) in [(&first, names(&a), names(&b)), (&second, names(&b), names(&a))] {
         let only: Vec<String> = here.into_iter().filter(|variable| !there.contains(variable)).collect();
         if !only.is_empty() {
-            terminal::say!("variables only in {name}: {}", only.join(", "));
+            say!("variables only in {name}: {}", only.join(", "));
         }
     }
-    terminal::say!("{} links in both", difference.both.len());
+    say!("{} links in both", difference.both.len());
     for (in_a, in_b) in &difference.both {
         let turned = match (in_a.value, in_b.value) {
             (Some(one), Some(other)) if one * other < 0.0 => ", of opposite sign",
@@ -60,13 +58,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         };
         let (cause, effect, lag) = (plain(&in_a.cause), plain(&in_a.effect), in_a.lag);
         let (one, other) = (in_a.strength_in_words(2), in_b.strength_in_words(2));
-        terminal::say!("  {cause} -> {effect} at lag {lag}: {one}, {other}{turned}");
+        say!("  {cause} -> {effect} at lag {lag}: {one}, {other}{turned}");
     }
     for (name, model, links) in [(&first, &a, &difference.only_a), (&second, &b, &difference.only_b)] {
-        terminal::say!("{} only in {name}", links.len());
-        for link in links {
-            terminal::say!("  {}", report::sentence(model, link));
-        }
+        say!("{} only in {name}", links.len());
+        links.iter().for_each(|link| say!("  {}", report::sentence(model, link)));
     }
     let Some(results) = results else { return Ok(()) };
     let both: Vec<&Link> = difference.both.iter().map(|(in_a, _)| *in_a).collect();
@@ -87,8 +83,7 @@ impl<'a> Difference<'a> {
         let twin = |link: &Link, of: &'a Model| of.links.iter().find(|other| same(link, other));
         let both = a.links.iter().filter_map(|link| Some((link, twin(link, b)?))).collect();
         let only_a = a.links.iter().filter(|link| twin(link, b).is_none()).collect();
-        let only_b = b.links.iter().filter(|link| twin(link, a).is_none()).collect();
-        Self { both, only_a, only_b }
+        Self { both, only_a, only_b: b.links.iter().filter(|link| twin(link, a).is_none()).collect() }
     }
 }
 

@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use clap::{Args as ClapArgs, Parser};
+use clap::Args as ClapArgs;
 use indicatif::ProgressBar;
 use roscausal_core::{Error, Result, Time, loopback::Loopback, params::Value};
 use roscausal_discovery::{Model, Progress, Settings};
@@ -87,13 +87,11 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let run = Run::of(args)?;
     let record = args.sink.claim()?;
-    if args.web.wanted() {
+    if args.web.web {
         return run.watch(args, record, interrupt);
     }
     let Args { scenario, duration, seed, .. } = args;
-    crate::terminal::say!(
-        "Simulating '{scenario}' for {duration} s (seed {seed}), recording two batches ..."
-    );
+    say!("Simulating '{scenario}' for {duration} s (seed {seed}), recording two batches ...");
     let (folders, model) = run.recorded_chain(record, interrupt)?;
     // What is found is written as a whole.
     interrupt.writing();
@@ -105,13 +103,8 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
 /// # Errors
 /// A folder that cannot be written, a run that gives no model, or cancellation by `cancel`.
 pub fn run_demo(seed: u64, out: &Path, cancel: Arc<AtomicBool>) -> Result<Model> {
-    #[derive(Parser)]
-    struct Defaults {
-        #[command(flatten)]
-        args: Args,
-    }
-    let defaults = Defaults::try_parse_from(["demo"]).map_err(|e| Error::Data(e.to_string()))?;
-    let args = Args { seed, out: out.to_owned(), ..defaults.args };
+    let usual = flags::parsed(["demo"]).map_err(|error| Error::Data(error.to_string()))?;
+    let args = Args { seed, out: out.to_owned(), ..usual };
     let (folders, model) = Run::of(&args)?.recorded_chain(None, &Interrupt::on(cancel))?;
     write(&folders, &model).and_then(|()| folders.keep()).map_err(|error| folders.named(error))?;
     Ok(model)
@@ -230,8 +223,7 @@ impl Run {
         let folders = Folders::begin(&self.out, &[], interrupt)?;
         let ended = self.live(args, simulation, &folders, record, interrupt);
         let simulated = ended.map_err(|error| folders.named(error))?;
-        let folders = folders.keep()?;
-        crate::terminal::say!("{}: {} models, batches", self.out.display(), folders.model_files()?.len());
+        say!("{}: {} models, batches", self.out.display(), folders.keep()?.model_files()?.len());
         match simulated {
             Err(Error::Cancelled(_)) => Ok(()),
             other => other,
@@ -287,8 +279,7 @@ fn simulate(
     out: Option<&Path>,
 ) -> Result<()> {
     let mut pace = Pace::new(speed);
-    let total = simulation.scenario().duration;
-    let bar = chart::bar("recording", total as u64, out.is_none());
+    let bar = chart::bar("recording", simulation.scenario().duration as u64, out.is_none());
     let mut film = Film::default();
     run_lockstep(bus, &mut simulation, 1, |simulation| {
         bar.set_position(simulation.time() as u64);
@@ -367,12 +358,12 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     crate::terminal::print_text(&format!("{}\n\n", report::text(model)));
     crate::terminal::print_text(&format!("{}\n\n", expected::comparison(model)));
     let folders = written.and_then(|()| folders.keep()).map_err(|error| folders.named(error))?;
-    crate::terminal::say!(
+    say!(
         "{}: batches, model.json, evidence.json, model.dot, model.graphml, links.csv, dag.svg, dag.png, dag.pdf, \
          tsdag.svg, tsdag.png, tsdag.pdf, run.svg",
         args.out.display()
     );
-    crate::terminal::say!("");
+    say!("");
     let asked = reasoning::closing(
         model,
         &args.out.join("model.json"),
@@ -383,7 +374,7 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
     let asked = asked
         .unwrap_or_else(|error| format!("The model answers no question here: {}.", flags::sentence(&error)));
     crate::terminal::print_text(&format!("{asked}\n\n"));
-    crate::terminal::say!(
+    say!(
         "Open {} in a browser: the graph, and the evidence of each link.",
         args.out.join(html_report::REPORT).display()
     );

@@ -18,7 +18,7 @@ use std::{
     sync::{Arc, atomic::AtomicBool},
 };
 
-use clap::{Args as ClapArgs, Parser, ValueEnum};
+use clap::{Args as ClapArgs, ValueEnum};
 use ndarray::Array2;
 use roscausal_core::{
     Error, Result,
@@ -203,10 +203,10 @@ fn explain(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let recommended = Recommendation::of(&data, &request.settings);
     let chosen = args.how.method.chosen(&recommended, &request)?;
     let (method, test) = (chosen.method, &chosen.cond_ind_test);
-    crate::terminal::say!("For these data I would take {method} with {test}:");
-    recommended.why.iter().for_each(|reason| crate::terminal::say!("* {reason}"));
-    crate::terminal::say!("* {}: {}", method.name(), method.info().assumes);
-    crate::terminal::say!(
+    say!("For these data I would take {method} with {test}:");
+    recommended.why.iter().for_each(|reason| say!("* {reason}"));
+    say!("* {}: {}", method.name(), method.info().assumes);
+    say!(
         "Nothing was analysed. The same command with --method {method} --test {test} does it, or with --take-it. `roscausal methods` \
          has all methods."
     );
@@ -266,7 +266,7 @@ fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<
     let profile =
         if settings.test.as_tigramite { profile } else { profile.with_later(&data, settings.tau_max, dt) };
     if let Some(reported) = estimate::check(&data, &settings, resampling.as_ref(), &args.how.means)? {
-        crate::terminal::tell!("{reported}");
+        tell!("{reported}");
     }
     let Resampled { mut model, evidence, graphs } =
         args.how.means.analyse(&data, &settings, resampling.as_ref(), interrupt, quiet)?;
@@ -298,7 +298,7 @@ pub(crate) fn read(
     seed: u64,
     interrupt: &Interrupt,
 ) -> Result<(DataFrame, Settings, Option<f64>)> {
-    let args = Args::of(files, how, seed);
+    let args = Args::of(files, how, seed)?;
     let mut request = args.how.method.request(seed)?;
     request.settings.test.max_memory = args.how.means.max_bytes();
     let Data { data, dt, origins, runs, .. } =
@@ -326,22 +326,9 @@ impl Args {
     }
 
     /// An analysis that prints the usual.
-    pub(crate) fn of(files: &[PathBuf], how: &AnalysisArgs, seed: u64) -> Self {
-        Self {
-            files: files.to_vec(),
-            how: how.clone(),
-            resample: ResampleArgs::default(),
-            result: ResultArgs::default(),
-            trajectories: TrajectoryArgs::default(),
-            changes: ChangeArgs::default(),
-            several_people: "pooled".into(),
-            pictures: output::PictureArgs::default(),
-            take_it: false,
-            seed,
-            out: None,
-            force: false,
-            format: Vec::new(),
-        }
+    pub(crate) fn of(files: &[PathBuf], how: &AnalysisArgs, seed: u64) -> Result<Self> {
+        let usual = flags::parsed(["discover", "-"]).map_err(|error| Error::Data(error.to_string()))?;
+        Ok(Self { files: files.to_vec(), how: how.clone(), seed, ..usual })
     }
 }
 
@@ -366,16 +353,11 @@ pub struct Recordings {
 /// # Errors
 /// An unknown option, a file that cannot be read, files that do not fit together, or cancellation by `cancel`.
 pub fn read_recordings(files: &[PathBuf], options: &[String], cancel: Arc<AtomicBool>) -> Result<Recordings> {
-    #[derive(Parser)]
-    struct Alone {
-        #[command(flatten)]
-        args: Args,
-    }
     let words = std::iter::once(OsString::from("discover"))
         .chain(options.iter().map(OsString::from))
         .chain([OsString::from("--")])
         .chain(files.iter().map(|file| file.clone().into_os_string()));
-    let Alone { args } = Alone::try_parse_from(words).map_err(|error| {
+    let args: Args = flags::parsed(words).map_err(|error| {
         let text = error.to_string();
         let reason = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
         Error::param("options", reason)
@@ -462,7 +444,7 @@ impl Data {
             Some(data) => data,
             None => Self::of(args.how.read.read(
                 &files,
-                args.how.inputs.dt(),
+                args.how.inputs.dt,
                 &args.how.part.columns(),
                 args.how.means.max_bytes(),
             )?)?,
@@ -523,7 +505,7 @@ fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settin
     };
     for fault in faults {
         let reason = match fault {
-            Fault::MissingFlag { .. } if args.how.read.knows_of_missing_values() => continue,
+            Fault::MissingFlag { .. } if !args.how.read.missing_value.is_empty() => continue,
             Fault::MissingFlag { name, value, count } => format!(
                 "{name} is {value} in {count} rows, far from all its other values: it seems to stand for a missing value; \
                  {flag}={value} takes it as one, {flag}=none keeps it",
@@ -553,10 +535,10 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
         let facts = Facts::read(file);
         facts.ids.len() > 1 || !facts.context.is_empty()
     };
-    let own = args.how.read.chooses_columns()
-        || args.how.read.joins()
-        || (args.how.inputs.ignores_settings() && files.iter().all(|file| file.table == file.user))
-        || (!args.how.read.features().is_empty() && files.iter().all(|file| file.table == file.user));
+    let own = args.how.read.columns.is_some()
+        || args.how.read.join
+        || (args.how.inputs.ignore_settings && files.iter().all(|file| file.table == file.user))
+        || (!args.how.read.features.is_empty() && files.iter().all(|file| file.table == file.user));
     if own || !tables.iter().any(says_more) {
         return Ok(None);
     }
@@ -570,7 +552,7 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     let recorded = files.iter().any(|file| file.table != file.user);
     Ok(Some(Data {
         data: part.data,
-        dt: joint.dt(),
+        dt: joint.dt,
         warnings: joint.warnings,
         recorded,
         origins: Vec::new(),
@@ -591,8 +573,7 @@ fn tables_of(
             Some(flag) => Err(Error::param(flag, "it is for recordings; these files are tables")),
             None => {
                 let inputs = args.files.iter().enumerate().map(|(run, file)| Input::of_table(file, run));
-                let inputs = inputs.collect::<Result<Vec<_>>>()?;
-                Ok((inputs.concat(), None))
+                Ok((inputs.collect::<Result<Vec<_>>>()?.concat(), None))
             }
         };
     }

@@ -25,7 +25,7 @@ pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> u8 {
         Error::Cancelled(reason) if interrupt.is_set() => {
             // That it was the user, the user knows.
             if let Some(more) = reason.strip_prefix("by the user; ") {
-                terminal::tell!("{more}");
+                tell!("{more}");
             }
             interrupt::CODE
         }

@@ -136,6 +136,13 @@ pub(crate) fn all_of(command: &clap::Command) -> Vec<String> {
     longs
 }
 
+/// The arguments `A` as a line of these words gives them; the first word is the command's name.
+pub(crate) fn parsed<A: clap::Args>(
+    words: impl IntoIterator<Item = impl Into<std::ffi::OsString> + Clone>,
+) -> clap::error::Result<A> {
+    A::from_arg_matches(&A::augment_args(clap::Command::new("roscausal")).try_get_matches_from(words)?)
+}
+
 /// The command, from when it reads its line, and its flags, from when a sentence names one.
 static COMMAND: OnceLock<&clap::Command> = OnceLock::new();
 static FLAGS: LazyLock<Vec<String>> =

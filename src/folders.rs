@@ -93,8 +93,7 @@ impl Folders {
     /// What stands behind the first model, if it was kept.
     pub(crate) fn evidence(&self) -> Result<Option<Evidence>> {
         let Some(path) = self.model_files()?.into_iter().next() else { return Ok(None) };
-        let name = path.file_name().unwrap_or_default();
-        read_evidence(&self.models.join(EVIDENCE_FOLDER).join(name))
+        read_evidence(&self.models.join(EVIDENCE_FOLDER).join(path.file_name().unwrap_or_default()))
     }
 
     /// Why batches were rejected, one sentence each.

@@ -55,7 +55,7 @@ impl Interrupt {
             if asked.flag.swap(true, Ordering::SeqCst) {
                 asked.leave();
             }
-            crate::terminal::tell!("ending; {}", asked.with(|state| state.words));
+            tell!("ending; {}", asked.with(|state| state.words));
             let watch = asked.clone();
             thread::spawn(move || watch.end_soon());
         });
@@ -134,9 +134,7 @@ impl Interrupt {
     }
 
     fn leave(&self) -> ! {
-        for last in self.with(|state| std::mem::take(&mut state.last)) {
-            last();
-        }
+        self.with(|state| std::mem::take(&mut state.last)).into_iter().for_each(|last| last());
         exit(CODE.into());
     }
 }

@@ -3,6 +3,9 @@
 //! The program `roscausal` calls [`command`]; the Python package also calls the parts: [`run_demo`], [`read_recordings`], and
 //! models and answers in words and in other programs' formats.
 
+#[macro_use]
+mod terminal;
+
 mod carried;
 mod chart;
 mod cli;
@@ -32,7 +35,6 @@ mod settings;
 mod show;
 mod sink;
 mod teleop;
-mod terminal;
 mod topics;
 mod travel;
 mod web;

@@ -157,9 +157,7 @@ impl Nodes {
 
     /// Ends all nodes and waits for them. Returns the first failure of a node.
     pub(crate) fn end(mut self) -> Result<()> {
-        for beside in [&self.discovery, &self.reasoning].into_iter().flatten() {
-            beside.node.shutdown();
-        }
+        [&self.discovery, &self.reasoning].into_iter().flatten().for_each(|beside| beside.node.shutdown());
         let end = |beside: Option<Threaded>, what| beside.map_or(Ok(()), |node| node.end(what));
         let recorded = self.end_recording();
         let analysed = end(self.discovery.take(), "the node discovery");
@@ -170,9 +168,7 @@ impl Nodes {
 
 /// Tells the nodes whom to record: the first robot and the first person of a simulation.
 pub(crate) fn set_subjects(bus: &Loopback, simulation: &Simulation) {
-    for node in RECORDING {
-        bus.set_node_param(node, "robot", text(first_robot(simulation)));
-    }
+    RECORDING.iter().for_each(|node| bus.set_node_param(node, "robot", text(first_robot(simulation))));
     for node in ["human", "data"] {
         bus.set_node_param(node, "sel_agent", text(&first_person(simulation).to_string()));
     }

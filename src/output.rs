@@ -169,8 +169,7 @@ fn folder_of(file: &Path) -> &Path {
 pub(crate) fn copy_batch(batch: &Path, dir: &Path) -> Result<()> {
     for path in [batch.to_path_buf(), batch.with_extension("json")] {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let bytes = fs::read(&path).map_err(|e| Error::file(&path, e))?;
-        write_file(dir, &name, &bytes)?;
+        write_file(dir, &name, &fs::read(&path).map_err(|e| Error::file(&path, e))?)?;
     }
     Ok(())
 }

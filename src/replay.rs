@@ -146,7 +146,7 @@ impl Args {
         let mut sink = Sink::open(bus, record)?;
         let play = Play::new(bus, &mut source.recording, &source.inputs)?;
         let (nodes, progress) = Nodes::start(bus, source.inputs.nodes).with_discovery();
-        let mut nodes = nodes.with_reasoning(self.web.wanted());
+        let mut nodes = nodes.with_reasoning(self.web.web);
         sink.watch()?;
         let web = Web::start(bus, &self.web, "")?;
 
@@ -280,18 +280,14 @@ fn show(args: &Args, folders: &Folders, troubles: &str, is_raw: bool) -> Result<
     let folders = folders.keep().map_err(|error| folders.named(error))?;
     for name in models.iter().filter_map(|path| path.file_name()) {
         let path = folders.models.join(name);
-        crate::terminal::say!("{}", path.display());
+        say!("{}", path.display());
         crate::terminal::print_text(&format!("{}\n\n", report::text(&read_model(&path)?)));
     }
-    for line in summary {
-        crate::terminal::say!("{line}");
-    }
-    for reason in reasons {
-        crate::terminal::tell!("note: {reason}");
-    }
+    summary.iter().for_each(|line| say!("{line}"));
+    reasons.iter().for_each(|reason| tell!("note: {reason}"));
     if models.is_empty() && is_raw {
         let raw = args.out.join("data_pool");
-        crate::terminal::say!(
+        say!(
             "{0}: raw batches, which data.postprocess=none leaves without a model; 'roscausal discover {0} --drop-empty' makes one",
             raw.display()
         );
@@ -302,6 +298,6 @@ fn show(args: &Args, folders: &Folders, troubles: &str, is_raw: bool) -> Result<
             format!("no model came of it; batches shorter than --ts-length are set aside; nodes: {troubles}");
         return Err(Error::file(&args.recording, reason));
     }
-    crate::terminal::say!("{}: {} models, batches", args.out.display(), models.len());
+    say!("{}: {} models, batches", args.out.display(), models.len());
     Ok(())
 }

@@ -97,8 +97,7 @@ fn rows(model: &Model, summary: &Summary, most: usize) -> Vec<String> {
             None => "not tested".to_owned(),
         };
         let few = few(model, link.samples).map_or(String::new(), |used| format!(", {used} samples"));
-        let sure = sure + &few;
-        [format!("{} {} {}", link.cause, link.mark, link.effect), when, strength, p, sure]
+        [format!("{} {} {}", link.cause, link.mark, link.effect), when, strength, p, sure + &few]
     };
     let cells: Vec<[String; 5]> = summary.links.iter().take(most).map(of).collect();
     let width = |k: usize| cells.iter().map(|row| row[k].chars().count()).max().unwrap_or(0);

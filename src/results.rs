@@ -136,8 +136,7 @@ impl Results {
         let (mut files, set) = (BTreeSet::new(), self.folder());
         collect(&set, Path::new(""), &mut files).map_err(|e| Error::file(&self.dir, e))?;
         self.check(&files)?;
-        let gone = self.old.difference(&files).cloned().collect();
-        let mut list = List { inode: 0, files, gone };
+        let mut list = List { inode: 0, gone: self.old.difference(&files).cloned().collect(), files };
         let mut written = || {
             fs::create_dir_all(set.join(HOME))?;
             list.write(&set.join(HOME).join(LIST))

@@ -215,7 +215,7 @@ impl Rolling {
 
     fn begin(&self) {
         match self.format {
-            Format::Csv => crate::terminal::say!(
+            Format::Csv => say!(
                 "recording,start,end,cause,effect,lag,value,p_value,mark,confidence,value_low,value_high"
             ),
             Format::Jsonl => {
@@ -226,9 +226,7 @@ impl Rolling {
                 }
             }
             Format::Text => {
-                for event in &self.events {
-                    crate::terminal::say!("{}", event.sentence());
-                }
+                self.events.iter().for_each(|event| say!("{}", event.sentence()));
                 if let Some(rows) = self.looked_at {
                     let confirmed =
                         self.events.iter().filter(|event| event.status == changes::Status::Confirmed).count();
@@ -237,8 +235,8 @@ impl Rolling {
                         1 => "1 change confirmed".to_owned(),
                         n => format!("{n} changes confirmed"),
                     };
-                    crate::terminal::say!("{reported} in {rows} rows");
-                    self.misfit.iter().for_each(|misfit| crate::terminal::tell!("note: {misfit}"));
+                    say!("{reported} in {rows} rows");
+                    self.misfit.iter().for_each(|misfit| tell!("note: {misfit}"));
                 }
             }
         }
@@ -257,7 +255,7 @@ impl Rolling {
                 let (cause, effect) = (quoted(&link.cause), quoted(&link.effect));
                 let (lag, value, p, mark) = (link.lag, number(link.value), number(link.p_value), link.mark);
                 let [share, low, high] = [link.confidence, link.value_low, link.value_high].map(number);
-                crate::terminal::say!(
+                say!(
                     "{recording},{start},{end},{cause},{effect},{lag},{value},{p},{mark},{share},{low},{high}"
                 );
             }),
@@ -269,7 +267,7 @@ impl Rolling {
                 };
                 let links: Vec<String> = window.model.links.iter().map(link).collect();
                 let links = if links.is_empty() { "no link".to_owned() } else { links.join(", ") };
-                crate::terminal::say!("rows {} to {}: {links}", window.start, window.end);
+                say!("rows {} to {}: {links}", window.start, window.end);
             }
         }
         self.windows.push(window);
@@ -277,7 +275,7 @@ impl Rolling {
 
     fn end(&self) {
         if self.status != Status::Complete {
-            crate::terminal::tell!("{}", self.status);
+            tell!("{}", self.status);
         }
         if self.format == Format::Jsonl {
             crate::terminal::print_json(&json!({ "status": self.status.to_string() }).to_string());
@@ -285,9 +283,7 @@ impl Rolling {
         if self.format != Format::Text || self.windows.is_empty() {
             return;
         }
-        for line in count_lines(&self.counts(), "windows") {
-            crate::terminal::say!("{line}");
-        }
+        count_lines(&self.counts(), "windows").iter().for_each(|line| say!("{line}"));
     }
 
     fn counts(&self) -> Vec<LinkCount> {

@@ -59,8 +59,7 @@ impl Sink {
         let Some(path) = path else { return Ok(Self(None)) };
         let mut writer = McapWriter::create(path)?;
         writer.write_settings(&nodes::carried(bus)?)?;
-        let recorder = Recorder::new(&bus.node("recorder"), writer);
-        Ok(Self(Some((path.to_owned(), recorder))))
+        Ok(Self(Some((path.to_owned(), Recorder::new(&bus.node("recorder"), writer)))))
     }
 
     /// Listens to all topics that exist now.
@@ -72,7 +71,7 @@ impl Sink {
     pub(crate) fn close(self) -> Result<()> {
         if let Some((path, recorder)) = self.0 {
             let messages = recorder.finish()?;
-            crate::terminal::say!("{}: {messages} messages recorded", path.display());
+            say!("{}: {messages} messages recorded", path.display());
         }
         Ok(())
     }

@@ -71,9 +71,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     simulating.join().map_err(died)??;
     recording.into_iter().try_for_each(|thread| thread.join().map_err(died)?)?;
     drove?;
-    crate::terminal::say!(
-        "{}: batches in data_pool and pp_pool (roscausal discover {0}/pp_pool/*.csv)",
-        args.out.display()
-    );
+    say!("{}: batches in data_pool and pp_pool (roscausal discover {0}/pp_pool/*.csv)", args.out.display());
     Ok(())
 }

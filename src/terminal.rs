@@ -99,10 +99,7 @@ pub(crate) fn print_report(text: &str) {
 
 /// A text of the command line itself, such as its help, on the standard output.
 pub(crate) fn print_styled(text: &clap::builder::StyledStr) {
-    match Colour::shows(&io::stdout()) {
-        true => print(&text.ansi().to_string()),
-        false => print(&text.to_string()),
-    }
+    if Colour::shows(&io::stdout()) { print(&text.ansi().to_string()) } else { print(&text.to_string()) }
 }
 
 /// A complaint of the command line itself on the standard error. Nothing in it may be from outside, as it has colours.
@@ -185,8 +182,6 @@ macro_rules! say {
 macro_rules! tell {
     ($($text:tt)*) => { crate::terminal::print_note(format_args!($($text)*)) };
 }
-
-pub(crate) use {say, tell};
 
 #[cfg(test)]
 mod tests {

@@ -14,7 +14,6 @@ use crate::{
         clocks::{Offset, Offsets, Stamps},
         runs,
     },
-    terminal,
 };
 
 /// Arguments of `roscausal topics`.
@@ -77,8 +76,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     for record in recording.by_ref() {
         interrupt.check()?;
         if let Some(stamp) = stamps[record.topic].as_ref().and_then(|stamps| stamps.first(&record.bytes)) {
-            let number = counts[record.topic].messages;
-            offsets[record.topic].add(number, stamp, record.stamp);
+            offsets[record.topic].add(counts[record.topic].messages, stamp, record.stamp);
         }
         counts[record.topic].add(&record);
     }
@@ -88,22 +86,20 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let names = topics.iter().map(|topic| topic.name.len()).max().unwrap_or(0).max(5);
     let types = topics.iter().map(|topic| topic.type_name.len()).max().unwrap_or(0).max(4);
     let columns = "messages  rate, Hz     gap, s   offset, s  spread, s  jumps";
-    terminal::say!("{:names$}  {:types$}  {columns}", "topic", "type");
+    say!("{:names$}  {:types$}  {columns}", "topic", "type");
     for ((topic, count), offset) in lines {
         let rate = count.rate().map_or_else(|| "-".to_owned(), |rate| format!("{rate:.2}"));
         let gap = count.rate().map_or_else(|| "-".to_owned(), |_| format!("{:.3}", count.gap_s));
         let (name, kind, messages) = (&topic.name, &topic.type_name, count.messages);
         let [offset, spread, jumps] =
             offset.as_ref().map_or_else(|| ["-"; 3].map(str::to_owned), Offset::texts);
-        terminal::say!(
+        say!(
             "{name:names$}  {kind:types$}  {messages:>8}  {rate:>8}  {gap:>9}  {offset:>10}  {spread:>9}  {jumps:>5}"
         );
     }
     if recording.laps() > 1 {
-        terminal::tell!("note: {}: {}", args.recording.display(), runs(recording.laps()));
+        tell!("note: {}: {}", args.recording.display(), runs(recording.laps()));
     }
-    for loss in recording.losses() {
-        terminal::tell!("note: {loss}");
-    }
+    recording.losses().iter().for_each(|loss| tell!("note: {loss}"));
     Ok(())
 }

@@ -36,8 +36,7 @@ fn is_modest(param: &str, value: &str) -> bool {
 /// Whether settings that come with data may give a node's parameter this value.
 pub(crate) fn may_set(node: &str, param: &str, value: &str) -> bool {
     let specs = nodes::parameters(node).unwrap_or_default();
-    let of_data = specs.iter().any(|spec| spec.name == param && spec.of_data);
-    of_data
+    specs.iter().any(|spec| spec.name == param && spec.of_data)
         && is_modest(param, value)
         && match param {
             // Not a program of the user's folder of methods.

@@ -17,7 +17,7 @@ const LOOK_AGAIN: Duration = Duration::from_millis(100);
 pub(crate) struct WebArgs {
     /// Show the run live on a page in the browser; Ctrl-C ends it.
     #[arg(long)]
-    web: bool,
+    pub(crate) web: bool,
     /// Port of the page; 0: any free port.
     #[arg(long, default_value_t = 8321, requires = "web")]
     port: u16,
@@ -27,13 +27,6 @@ pub(crate) struct WebArgs {
     /// Token that opens the page; default: none on 127.0.0.1, a random one on other addresses.
     #[arg(long, default_value = "", hide_default_value = true, requires = "web")]
     token: String,
-}
-
-impl WebArgs {
-    /// Whether a page is wanted.
-    pub(crate) fn wanted(&self) -> bool {
-        self.web
-    }
 }
 
 /// The page while it is served.
@@ -49,7 +42,7 @@ impl Web {
             return Ok(None);
         }
         let server = Server::start(args.address, args.port, &args.token)?;
-        crate::terminal::say!("Live page: {}  (Ctrl-C ends)", server.url());
+        say!("Live page: {}  (Ctrl-C ends)", server.url());
         let options = SceneOptions { robot: robot.to_owned(), ..SceneOptions::default() };
         let teller = server.teller();
         let page = Threaded::start(bus, "dashboard", move |mw| dashboard(mw, &server, options));

@@ -61,10 +61,7 @@ impl fmt::Display for Error {
             Self::Data(reason) => reason.clone(),
             Self::Cancelled(reason) => format!("cancelled: {reason}"),
         };
-        match f.alternate() {
-            true => f.write_str(&sentence),
-            false => f.write_str(&spelled_out(&sentence, parameter)),
-        }
+        if f.alternate() { f.write_str(&sentence) } else { f.write_str(&spelled_out(&sentence, parameter)) }
     }
 }
 

@@ -2,13 +2,16 @@
 
 use std::{collections::BTreeMap, fmt};
 
+use serde::Serialize;
+
 use crate::{Error, Result};
 
 /// The known name that a user may have meant.
 pub use roscausal_discovery::names::nearest;
 
 /// A parameter value, as in the ROS 1 parameter server and in ROS 2 parameters.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum Value {
     /// Boolean.
     Bool(bool),

@@ -98,7 +98,7 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
     let _walls = inbox.subscribe(mw, "/pedsim_simulator/simulated_walls", Qos::Latched, Event::Walls)?;
     let _interventions = inbox.subscribe(mw, "/hri/interventions", Qos::Latched, Event::Interventions)?;
 
-    let hub = server.hub();
+    let hub = &server.hub;
     hub.history().show(options.clone());
     hub.ask_at(Some(questions::answer(mw, hub)?));
     let mut world = World::new(options);

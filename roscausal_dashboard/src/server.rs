@@ -68,7 +68,7 @@ const ASSETS: [(&str, &str, &str); 15] = [
 /// A running web server. It ends when dropped.
 pub struct Server {
     url: String,
-    hub: Hub,
+    pub(crate) hub: Hub,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -121,10 +121,6 @@ impl Server {
     pub fn teller(&self) -> Teller {
         Teller(self.hub.clone())
     }
-
-    pub(crate) fn hub(&self) -> &Hub {
-        &self.hub
-    }
 }
 
 /// Tells the page what no message says.
@@ -133,8 +129,7 @@ pub struct Teller(Hub);
 impl Teller {
     /// The run has ended: what is shown stays, and nothing more comes. `text` says so, in a few words.
     pub fn ended(&self, text: &str) {
-        let data = Json::from(text).to_string().into();
-        self.0.send(Frame { kind: "ended", data }, Keep::Last);
+        self.0.send(Frame { kind: "ended", data: Json::from(text).to_string().into() }, Keep::Last);
     }
 }
 
@@ -409,7 +404,7 @@ mod tests {
         };
         let model =
             |links: Vec<CausalLink>| model_of(&CausalModelInfo { links, ..CausalModelInfo::default() });
-        let hub = server.hub();
+        let hub = &server.hub;
         hub.keep_model(1, model(vec![link("<b>", "a", "-->"), link("a", "<b>", "-->")]));
         hub.keep_model(2, model(vec![link("a", "<b>", "o->"), link("a", "a", "-->")]));
         let chain = (0..20).map(|k| link(&format!("v{k}"), &format!("v{}", k + 1), "-->"));
@@ -488,7 +483,7 @@ mod tests {
         });
         let begin = Instant::now();
         for _ in 0..64 {
-            server.hub().send(Frame { kind: "scene", data: big.clone() }, Keep::Last);
+            server.hub.send(Frame { kind: "scene", data: big.clone() }, Keep::Last);
             thread::sleep(Duration::from_millis(20));
         }
         assert!(reader.join().unwrap() > 60 << 20, "the browser that reads gets all");
@@ -517,7 +512,7 @@ mod tests {
         browsers.clear();
         let begin = Instant::now();
         loop {
-            server.hub().send(Frame { kind: "scene", data: "{}".into() }, Keep::Last);
+            server.hub.send(Frame { kind: "scene", data: "{}".into() }, Keep::Last);
             if status(&mut ask(&server, "/events")) == "200" {
                 break;
             }
@@ -582,7 +577,7 @@ mod tests {
             assert!(sockets(port(&server)) <= 16, "{} connections", sockets(port(&server)));
         }
         // Who watches goes on watching.
-        server.hub().send(Frame { kind: "scene", data: "\"still here\"".into() }, Keep::Last);
+        server.hub.send(Frame { kind: "scene", data: "\"still here\"".into() }, Keep::Last);
         let (mut text, mut chunk) = (String::new(), [0; 512]);
         while !text.contains("still here") {
             let count = watching.read(&mut chunk).unwrap();
@@ -612,7 +607,7 @@ mod tests {
             assert!(begun.elapsed() < Duration::from_secs(30), "headers may take for ever");
             thread::sleep(Duration::from_millis(50));
         }
-        server.hub().send(Frame { kind: "scene", data: "{}".into() }, Keep::Last);
+        server.hub.send(Frame { kind: "scene", data: "{}".into() }, Keep::Last);
         watching.read_exact(&mut [0; 12]).unwrap();
     }
 

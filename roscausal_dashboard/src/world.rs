@@ -101,8 +101,7 @@ impl World {
                 Some(value) => format!("intervention {name} = {value} begins"),
                 None => format!("intervention {name} ends"),
             };
-            let details = json!({"kind": "do", "name": name, "on": now.is_some()});
-            self.tell(hub, &text, details);
+            self.tell(hub, &text, json!({"kind": "do", "name": name, "on": now.is_some()}));
             match now {
                 Some(value) => self.imposed.insert(name.clone(), value),
                 None => self.imposed.remove(name),

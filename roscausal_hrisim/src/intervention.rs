@@ -83,10 +83,7 @@ impl Intervention {
                 | (HumanV(_), HumanV(_))
                 | (HumanGoal(_), HumanGoal(_))
         );
-        let shared = match (&self.who, &other.who) {
-            (Some(one), Some(two)) => one == two,
-            _ => true,
-        };
+        let shared = if let (Some(one), Some(two)) = (&self.who, &other.who) { one == two } else { true };
         same && shared && self.start < other.end && other.start < self.end
     }
 }

@@ -92,9 +92,7 @@ impl Crowd {
         let near = Neighbours::new(bodies.iter().map(|body| body.position), NEIGHBOUR_RANGE);
         let forces: Vec<Vec2> =
             (0..self.members.len()).map(|index| self.force(index, world, &bodies, &near)).collect();
-        for (member, force) in self.members.iter_mut().zip(forces) {
-            member.step(dt, step, world, force);
-        }
+        self.members.iter_mut().zip(forces).for_each(|(member, force)| member.step(dt, step, world, force));
     }
 
     pub(crate) fn body(member: &Pedestrian) -> Body {

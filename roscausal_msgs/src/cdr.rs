@@ -17,7 +17,7 @@ const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
 pub fn to_bytes<M: Message>(message: &M) -> Result<Vec<u8>, WireError> {
     let mut encoder = Encoder::new(Layout::CDR, &LITTLE_ENDIAN, 0);
     message.serialize(&mut encoder).map_err(Fault::of::<M>)?;
-    Ok(encoder.finish())
+    Ok(encoder.bytes)
 }
 
 /// The message in `bytes`, in either byte order. Up to three bytes of padding may follow it.

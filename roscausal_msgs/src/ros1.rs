@@ -13,7 +13,7 @@ use crate::{
 pub fn to_bytes<M: Message>(message: &M, seq: u32) -> Result<Vec<u8>, WireError> {
     let mut encoder = Encoder::new(Layout::ROS1, &[], seq);
     message.serialize(&mut encoder).map_err(Fault::of::<M>)?;
-    Ok(encoder.finish())
+    Ok(encoder.bytes)
 }
 
 /// The message in `bytes`, which must end with it, and the `seq` of its first header if it has one.
@@ -24,6 +24,5 @@ pub fn to_bytes<M: Message>(message: &M, seq: u32) -> Result<Vec<u8>, WireError>
 pub fn from_bytes<M: Message>(bytes: &[u8]) -> Result<(M, Option<u32>), WireError> {
     let mut decoder = Decoder::new(Layout::ROS1, bytes, 0);
     let message = M::deserialize(&mut decoder).map_err(Fault::of::<M>)?;
-    let seq = decoder.finish(0).map_err(Fault::of::<M>)?;
-    Ok((message, seq))
+    Ok((message, decoder.finish(0).map_err(Fault::of::<M>)?))
 }

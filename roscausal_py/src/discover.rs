@@ -40,8 +40,7 @@ pub(crate) fn test_of(
 
 /// The exception of the user's test, if that is why a run failed.
 pub(crate) fn own_exception(failure: Option<&Failure>, error: PyErr) -> PyErr {
-    let theirs = failure.and_then(|slot| lock(slot).take());
-    theirs.unwrap_or(error)
+    failure.and_then(|slot| lock(slot).take()).unwrap_or(error)
 }
 
 /// `threads` and `time_budget` of the settings.
@@ -82,7 +81,7 @@ pub(crate) fn discover(
     let own = test.map(|test| test_of(&test, request.settings.tau_max)).transpose().map_err(raised)?;
     let (own, failure) = own.map_or((None, None), |(test, failure)| (Some(test), failure));
     let start = Instant::now();
-    let (data, settings) = for_data(&request, frame.data()).map_err(raised)?;
+    let (data, settings) = for_data(&request, frame.data.clone()).map_err(raised)?;
     // What the command refuses, its own caller may want; what the data are like is told.
     let (mut profile, faults) = DataProfile::of(&data, settings.tau_max);
     profile.remarks.extend(faults.into_iter().map(|fault| match fault {

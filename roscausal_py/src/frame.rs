@@ -14,14 +14,8 @@ use crate::errors::raised;
 /// The data of an analysis: recordings (T, N) of the same variables, each with a mask if there are masks.
 #[pyclass(frozen, module = "roscausal._native")]
 pub(crate) struct Frame {
-    data: Arc<DataFrame>,
-}
-
-impl Frame {
     /// The data frame, shared with a thread.
-    pub(crate) fn data(&self) -> Arc<DataFrame> {
-        self.data.clone()
-    }
+    pub(crate) data: Arc<DataFrame>,
 }
 
 #[pymethods]

@@ -42,15 +42,13 @@ pub(crate) fn series(names: Vec<String>, values: PyReadonlyArray2<'_, f64>, dt: 
 /// An SVG picture as PNG, `scale` pixels per unit.
 #[pyfunction]
 pub(crate) fn picture<'py>(py: Python<'py>, svg: &str, scale: f32) -> PyResult<Bound<'py, PyBytes>> {
-    let image = py.detach(|| draw::rasterise(svg, scale)).map_err(raised)?;
-    Ok(PyBytes::new(py, &image.png))
+    Ok(PyBytes::new(py, &py.detach(|| draw::rasterise(svg, scale)).map_err(raised)?.png))
 }
 
 /// An SVG picture as a PDF file of one page.
 #[pyfunction]
 pub(crate) fn pdf<'py>(py: Python<'py>, svg: &str) -> PyResult<Bound<'py, PyBytes>> {
-    let file = py.detach(|| draw::pdf(svg)).map_err(raised)?;
-    Ok(PyBytes::new(py, &file))
+    Ok(PyBytes::new(py, &py.detach(|| draw::pdf(svg)).map_err(raised)?))
 }
 
 /// A line of text with what a terminal would obey, or no reader would see, spelled out: `<U+001B>`.

@@ -44,8 +44,7 @@ pub(crate) fn read(py: Python<'_>, paths: Vec<PathBuf>, options: Vec<String>) ->
 /// Runs the demo into the folder `out` and returns the model's JSON.
 #[pyfunction]
 pub(crate) fn demo(py: Python<'_>, seed: u64, out: PathBuf) -> PyResult<String> {
-    let model = cancellable(py, move |cancel| roscausal::run_demo(seed, &out, cancel))?;
-    Ok(model.to_json())
+    Ok(cancellable(py, move |cancel| roscausal::run_demo(seed, &out, cancel))?.to_json())
 }
 
 /// Runs the command `roscausal`, and returns its exit code.

@@ -42,7 +42,7 @@ impl Structural {
         let dt = of_step(&mut given).map_err(raised)?;
         let (settings, acts_on) = of_fit(&mut given).map_err(raised)?;
         given.end().map_err(raised)?;
-        let (data, graph) = (frame.data(), graph.to_owned());
+        let (data, graph) = (frame.data.clone(), graph.to_owned());
         let model = watched(py, &means, move |_| {
             let context: Vec<String> = acts_on.iter().map(|(column, _)| column.clone()).collect();
             let (graph, mut facts) = graph_of_json(&graph, &context)?;

@@ -38,7 +38,7 @@ pub(crate) fn roll(
     let request = of_analysis(&mut given).map_err(raised)?;
     given.end().and_then(|()| request.check()).map_err(raised)?;
     let means = Means { threads: request.threads, time_budget: request.time_budget, progress: None };
-    let (data, settings) = for_data(&request, frame.data()).map_err(raised)?;
+    let (data, settings) = for_data(&request, frame.data.clone()).map_err(raised)?;
     let windows = Windows { length, step, last: true };
     let cancel = Arc::new(AtomicBool::new(false));
     let total: usize = data.recordings().iter().map(|rows| windows.starts(rows.nrows()).len()).sum();

@@ -64,7 +64,7 @@ pub(crate) fn run<'py>(
     test: &Bound<'py, PyAny>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let data = frame.data();
+    let data = frame.data.clone();
     let mut given = Given::read(settings).map_err(raised)?;
     let means = means(&mut given, progress).map_err(raised)?;
     let parents = given.take("parents").map(|list| parents_of(&list)).transpose().map_err(raised)?;
@@ -148,7 +148,7 @@ pub(crate) fn run_test(
     z: Vec<(usize, usize)>,
     cut_off: usize,
 ) -> PyResult<Answer> {
-    let data = frame.data();
+    let data = frame.data.clone();
     let node = |(var, lag): (usize, usize)| Node::new(var, lag);
     let (x, y, z): (_, _, Vec<Node>) = (node(x), node(y), z.into_iter().map(node).collect());
     let outside = |node: &&Node| node.var >= data.n_vars() || node.lag > cut_off;
@@ -158,8 +158,7 @@ pub(crate) fn run_test(
         return Err(raised(Error::param("node", reason)));
     }
     let (test, failure) = test_of(test, cut_off).map_err(raised)?;
-    let means = Means::all_cores();
-    let found = watched(py, &means, move |control| {
+    let found = watched(py, &Means::all_cores(), move |control| {
         let samples = Samples::new(&data, cut_off).with_control(control.clone());
         let result = test.prepare(&samples)?.run_test(x, y, &z)?;
         Ok((result.value, result.p_value, result.confidence, result.n_samples, test.decides_by_value()))

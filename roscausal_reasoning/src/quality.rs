@@ -93,16 +93,14 @@ pub struct Quality {
 impl Quality {
     /// Fits on the first rows and looks at the last; `None` where these are too few.
     pub(crate) fn measure(samples: &Samples, graph: &Graph, settings: &Settings) -> Option<Self> {
-        let memory = graph.memory().max(1);
-        let (training, rest) = samples.split(TRAINING, memory);
+        let (training, rest) = samples.split(TRAINING, graph.memory().max(1));
         let model = Directed::fit(&training, graph, settings, None).ok()?;
         let steps: Vec<usize> = (1..=HORIZON).collect();
         let recordings = rest.recordings();
         let squares = |system: Option<&System>| mean_squares(system, recordings, 0, &steps);
         let of_model = squares(Some(&model.system));
         let lines = Settings { equations: Equations::Linear, members: 1, ..settings.clone() };
-        let everything = all_lagged(graph).ok()?;
-        let var = Directed::fit(&training, &everything, &lines, None).ok();
+        let var = Directed::fit(&training, &all_lagged(graph).ok()?, &lines, None).ok();
         let skill = |reference: Vec<Vec<f64>>| -> Vec<Vec<Option<f64>>> {
             let one = |(own, other): (&f64, &f64)| Some(1.0 - own / other).filter(|skill| skill.is_finite());
             let row = |(own, other): (&Vec<f64>, &Vec<f64>)| own.iter().zip(other).map(one).collect();

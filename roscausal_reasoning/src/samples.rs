@@ -12,9 +12,9 @@ pub use roscausal_discovery::methods::{ActsOn, default_intervention_targets};
 pub struct Samples {
     values: Vec<Array2<f64>>,
     /// Whether a variable was imposed; none where no column says so.
-    imposed: Vec<Array2<bool>>,
+    pub(crate) imposed: Vec<Array2<bool>>,
     /// For each recording the rows that are the past of others and no effect; empty for none.
-    masked: Vec<Vec<bool>>,
+    pub(crate) masked: Vec<Vec<bool>>,
 }
 
 /// A moment: number of the recording, and row.
@@ -75,16 +75,6 @@ impl Samples {
     /// The recordings.
     pub fn recordings(&self) -> &[Array2<f64>] {
         &self.values
-    }
-
-    /// Where variables were imposed.
-    pub(crate) fn imposed(&self) -> &[Array2<bool>] {
-        &self.imposed
-    }
-
-    /// Rows that are not effects, as [`Samples::with_marks`] takes them.
-    pub(crate) fn masked(&self) -> &[Vec<bool>] {
-        &self.masked
     }
 
     /// Whether what happens at a moment counts as an effect of what was before.

@@ -47,8 +47,8 @@ impl Bag {
             return Err("the bag header is missing".into());
         }
         let index = header.u64("index_pos").filter(|index| *index > 0).ok_or("it was never closed")?;
-        if index > self.0.file.length() {
-            return Err(format!("the file ends at byte {} of {index} and more", self.0.file.length()));
+        if index > self.0.file.length {
+            return Err(format!("the file ends at byte {} of {index} and more", self.0.file.length));
         }
         let (connections, chunks) = (header.u32("conn_count"), header.u32("chunk_count"));
         self.0.seek(index)?;
@@ -73,7 +73,7 @@ impl Bag {
                         *counts.entry(connection).or_insert(0u64) += u64::from(count);
                     }
                 }
-                _ => return Err(format!("an unexpected record before byte {}", self.0.file.offset())),
+                _ => return Err(format!("an unexpected record before byte {}", self.0.file.offset)),
             }
         }
         if connections.is_some_and(|count| count != found)
@@ -93,8 +93,7 @@ impl Bag {
         // Whatever is damaged, the next chunk begins anew.
         while let Err(fault) = self.scan_from(start, &mut pieces, &mut counts, &mut faults) {
             faults.push(fault);
-            let after = self.0.file.offset().max(start + 1);
-            match self.next_chunk(after) {
+            match self.next_chunk(self.0.file.offset.max(start + 1)) {
                 Some(offset) => start = offset,
                 None => break,
             }
@@ -117,14 +116,14 @@ impl Bag {
     ) -> Parsed<()> {
         self.0.seek(start)?;
         while self.0.file.left() > 0 {
-            let offset = self.0.file.offset();
+            let offset = self.0.file.offset;
             let header = self.header()?;
             match header.op() {
                 Some(op::CHUNK) => {
                     let length = u64::from(self.length()?);
-                    let begin = self.0.file.offset();
+                    let begin = self.0.file.offset;
                     let next = begin.saturating_add(length);
-                    let whole = next <= self.0.file.length();
+                    let whole = next <= self.0.file.length;
                     // Its length may be the damage.
                     if whole || self.next_chunk(begin).is_none() {
                         self.0.seek(begin)?;
@@ -144,7 +143,7 @@ impl Bag {
                     if length > self.0.file.left() {
                         return Err(format!("it ends within the record at byte {offset}"));
                     }
-                    self.0.seek(self.0.file.offset() + length)?;
+                    self.0.seek(self.0.file.offset + length)?;
                 }
                 None => return Err(format!("there is no record at byte {offset}")),
             }
@@ -252,13 +251,13 @@ impl Bag {
     }
 
     fn length(&mut self) -> Parsed<u32> {
-        let offset = self.0.file.offset();
+        let offset = self.0.file.offset;
         let bytes = self.0.file.array().map_err(|_| format!("it ends at byte {offset}, within a record"))?;
         Ok(u32::from_le_bytes(bytes))
     }
 
     fn block(&mut self) -> Parsed<Vec<u8>> {
-        let offset = self.0.file.offset();
+        let offset = self.0.file.offset;
         let length = self.length()?;
         self.0.file.take(u64::from(length)).map_err(|_| format!("it ends within the record at byte {offset}"))
     }
@@ -310,8 +309,7 @@ impl Format for Bag {
 fn records(mut content: &[u8], mut each: impl FnMut(&Fields<&[u8]>, &[u8]) -> Parsed<()>) -> Parsed<()> {
     while !content.is_empty() {
         let header = block(&mut content)?;
-        let data = block(&mut content)?;
-        each(&Fields(header), data)?;
+        each(&Fields(header), block(&mut content)?)?;
     }
     Ok(())
 }
@@ -363,15 +361,13 @@ impl<B: AsRef<[u8]>> Fields<B> {
     }
 
     fn u64(&self, name: &str) -> Option<u64> {
-        let bytes = self.get(name)?.first_chunk::<8>()?;
-        Some(u64::from_le_bytes(*bytes))
+        Some(u64::from_le_bytes(*self.get(name)?.first_chunk::<8>()?))
     }
 
     fn time(&self, name: &str) -> Option<Time> {
         let value = self.u64(name)?;
         let (sec, nanosec) = (value as u32, (value >> 32) as u32);
-        let nanos = i64::from(sec) * 1_000_000_000 + i64::from(nanosec);
-        Some(Time::from_nanos(nanos))
+        Some(Time::from_nanos(i64::from(sec) * 1_000_000_000 + i64::from(nanosec)))
     }
 
     fn text(&self, name: &str) -> Option<String> {

@@ -96,8 +96,7 @@ struct Messages {
 
 impl Messages {
     fn of(path: &Path) -> Option<Self> {
-        let source = open_file(path, &mut Vec::new()).ok()?;
-        let recording = Recording::of(path, source, Vec::new());
+        let recording = Recording::of(path, open_file(path, &mut Vec::new()).ok()?, Vec::new());
         Some(Self { topics: recording.topics().to_vec(), records: recording.peekable() })
     }
 

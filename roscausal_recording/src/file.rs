@@ -9,8 +9,8 @@ use std::{
 /// A file that is read at any position, never past its end.
 pub(crate) struct Bytes {
     file: BufReader<File>,
-    length: u64,
-    offset: u64,
+    pub(crate) length: u64,
+    pub(crate) offset: u64,
 }
 
 impl Bytes {
@@ -20,21 +20,12 @@ impl Bytes {
         Ok(Self { file: BufReader::with_capacity(1 << 16, file), length, offset: 0 })
     }
 
-    pub(crate) fn length(&self) -> u64 {
-        self.length
-    }
-
-    pub(crate) fn offset(&self) -> u64 {
-        self.offset
-    }
-
     pub(crate) fn left(&self) -> u64 {
         self.length.saturating_sub(self.offset)
     }
 
     pub(crate) fn seek(&mut self, offset: u64) -> io::Result<()> {
-        let forward = i64::try_from(i128::from(offset) - i128::from(self.offset));
-        match forward {
+        match i64::try_from(i128::from(offset) - i128::from(self.offset)) {
             Ok(distance) => self.file.seek_relative(distance)?,
             Err(_) => drop(self.file.seek(SeekFrom::Start(offset))?),
         }
@@ -47,8 +38,7 @@ impl Bytes {
         if count > self.left() {
             return Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the file ends here"));
         }
-        let size = usize::try_from(count).map_err(io::Error::other)?;
-        let mut bytes = vec![0; size];
+        let mut bytes = vec![0; usize::try_from(count).map_err(io::Error::other)?];
         self.file.read_exact(&mut bytes)?;
         self.offset += count;
         Ok(bytes)

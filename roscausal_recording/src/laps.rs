@@ -20,7 +20,7 @@ const MOST: usize = 1000;
 #[derive(Default)]
 pub(crate) struct LapFinder {
     topics: BTreeMap<usize, Steps>,
-    count: u64,
+    pub(crate) count: u64,
 }
 
 impl LapFinder {
@@ -29,10 +29,6 @@ impl LapFinder {
         let steps = self.topics.entry(topic).or_insert_with(|| Steps::new(CONFIRMED, follows));
         steps.add(Tick { number: self.count, stamp, came: stamp });
         self.count += 1;
-    }
-
-    pub(crate) fn count(&self) -> u64 {
-        self.count
     }
 
     /// The laps; none where times do not go back.
@@ -61,7 +57,7 @@ pub(crate) struct Laps {
     /// For each topic, its first messages of all laps but the first.
     topics: BTreeMap<usize, Vec<u64>>,
     /// The first messages of all laps but the first.
-    begins: Vec<u64>,
+    pub(crate) begins: Vec<u64>,
 }
 
 impl Laps {
@@ -75,10 +71,6 @@ impl Laps {
     pub(crate) fn first(&self, number: u64) -> u32 {
         let all = self.topics.values().filter(|back| back.len() == self.begins.len()).chain([&self.begins]);
         all.map(|back| Self::before(back, number)).min().unwrap_or(0)
-    }
-
-    pub(crate) fn begins(&self) -> &[u64] {
-        &self.begins
     }
 
     pub(crate) fn count(&self) -> u32 {

@@ -35,7 +35,7 @@ impl McapFile {
         let mut this = Self { contents: Contents::open(path)?, schemas: HashMap::new() };
         let reason = match this.summary() {
             Ok(Some(summary))
-                if is_complete(&summary, this.contents.file.length()) && !this.has_more(&summary) =>
+                if is_complete(&summary, this.contents.file.length) && !this.has_more(&summary) =>
             {
                 this.use_summary(summary);
                 find_laps(&mut this);
@@ -46,8 +46,7 @@ impl McapFile {
             Err(reason) => Some(reason),
         };
         let faults = this.scan();
-        let lost = some_of(&faults).or(reason);
-        if let Some(reason) = lost {
+        if let Some(reason) = some_of(&faults).or(reason) {
             losses.push(format!(
                 "{}: the file is damaged or was not closed; what is whole was read ({reason})",
                 path.display()
@@ -59,7 +58,7 @@ impl McapFile {
 
     /// The records of the summary, which lies before the footer at the end; `None` if there is no summary.
     fn summary(&mut self) -> Parsed<Option<Summary>> {
-        let footer = self.contents.file.length().checked_sub(FOOTER + mcap::MAGIC.len() as u64);
+        let footer = self.contents.file.length.checked_sub(FOOTER + mcap::MAGIC.len() as u64);
         let footer = footer.ok_or("it has no end record")?;
         self.contents.seek(footer)?;
         let end: [u8; (FOOTER as usize) + mcap::MAGIC.len()] =
@@ -110,8 +109,7 @@ impl McapFile {
                 at = end;
                 continue;
             }
-            let header = self.contents.seek(at).and_then(|()| self.record_header());
-            match header {
+            match self.contents.seek(at).and_then(|()| self.record_header()) {
                 Ok((op::DATA_END | op::FOOTER, _)) => return false,
                 Ok((op::CHUNK | op::MESSAGE, _)) | Err(_) => return true,
                 Ok((_, length)) => at = at.saturating_add(RECORD_HEADER).saturating_add(length),
@@ -172,14 +170,14 @@ impl McapFile {
         self.contents.seek(start)?;
         let mut ended = false;
         loop {
-            let offset = self.contents.file.offset();
+            let offset = self.contents.file.offset;
             scan.end = offset;
             let (opcode, length) = match self.record_header() {
                 Ok(header) => header,
                 Err(_) if ended => return Ok(()),
                 Err(fault) => return Err(fault),
             };
-            let begin = self.contents.file.offset();
+            let begin = self.contents.file.offset;
             let whole = length <= self.contents.file.left();
             if opcode != op::MESSAGE || offset - scan.plain.offset > PLAIN_PIECE {
                 scan.plain.close(offset, &mut scan.pieces);
@@ -211,7 +209,7 @@ impl McapFile {
                 _ => (),
             }
             if !whole {
-                return Err(format!("it ends at byte {}, within a record", self.contents.file.length()));
+                return Err(format!("it ends at byte {}, within a record", self.contents.file.length));
             }
             self.contents.seek(begin + length)?;
         }
@@ -246,7 +244,7 @@ impl McapFile {
 
     /// Where the next chunk begins, at `from` or later, if there is one.
     fn next_chunk(&mut self, from: u64) -> Option<u64> {
-        let length = self.contents.file.length();
+        let length = self.contents.file.length;
         let is_chunk = |bytes: &[u8], offset: u64| {
             let (header, body) = bytes.split_first_chunk::<{ RECORD_HEADER as usize }>()?;
             let [opcode, size @ ..] = *header;
@@ -312,7 +310,7 @@ impl McapFile {
     }
 
     fn record_header(&mut self) -> Parsed<(u8, u64)> {
-        let end = self.contents.file.length();
+        let end = self.contents.file.length;
         let ended = |_| format!("it ends at byte {end}");
         let header: [u8; RECORD_HEADER as usize] = self.contents.file.array().map_err(ended)?;
         let [opcode, length @ ..] = header;
@@ -338,7 +336,7 @@ impl Format for McapFile {
         let end = piece.offset.saturating_add(piece.length);
         self.contents.seek(piece.offset)?;
         let mut unknown = Ok(());
-        while self.contents.file.offset() < end {
+        while self.contents.file.offset < end {
             let (opcode, length) = self.record_header()?;
             let whole = length <= self.contents.file.left();
             let body = self.body(length)?;

@@ -50,8 +50,7 @@ fn of_file(path: &Path) -> Result<Option<BTreeMap<String, String>>> {
         Ok(None) => {}
         found => return found,
     }
-    let end = file.seek(SeekFrom::End(0))?;
-    let Some(footer) = end.checked_sub(END) else { return Ok(None) };
+    let Some(footer) = file.seek(SeekFrom::End(0))?.checked_sub(END) else { return Ok(None) };
     file.seek(SeekFrom::Start(footer + 9))?;
     let mut start = [0; 8];
     file.read_exact(&mut start)?;

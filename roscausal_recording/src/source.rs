@@ -129,7 +129,7 @@ impl Contents {
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let file = Bytes::open(path).map_err(|error| Error::file(path, error))?;
         let (topics, numbers, pieces) = (Topics::default(), HashMap::new(), Pieces::default());
-        let unread = file.length();
+        let unread = file.length;
         let (laps, numbered, growth) = (Laps::default(), HashMap::new(), Growth::default());
         Ok(Self {
             path: path.to_owned(),
@@ -149,7 +149,7 @@ impl Contents {
     pub(crate) fn begin(&mut self, pieces: Vec<Piece>) {
         self.pieces = Pieces::new(pieces);
         self.growth = Growth::default();
-        self.unread = self.file.length();
+        self.unread = self.file.length;
     }
 
     /// The next `count` bytes of a piece.
@@ -243,7 +243,7 @@ pub(crate) fn find_laps(file: &mut impl Format) {
     let (mut finder, wanted) = (LapFinder::default(), vec![true; file.contents().topics.len()]);
     let mut numbered = HashMap::new();
     for piece in &pieces {
-        numbered.insert(piece.offset, finder.count());
+        numbered.insert(piece.offset, finder.count);
         let mut records = Vec::new();
         // Whatever is wrong with it is reported when it is read in its turn.
         let _ = file.read(*piece, &wanted, &mut records);
@@ -266,10 +266,10 @@ const ENOUGH: u64 = 256;
 /// The first place at `from` or later at which `is_it` holds of the bytes and their offset in the file.
 pub(crate) fn next_place(file: &mut Bytes, from: u64, is_it: impl Fn(&[u8], u64) -> bool) -> Option<u64> {
     let mut at = from;
-    while at < file.length() {
+    while at < file.length {
         file.seek(at).ok()?;
         let window = file.take(SEARCHED.min(file.left())).ok()?;
-        let is_last = at + window.len() as u64 >= file.length();
+        let is_last = at + window.len() as u64 >= file.length;
         // What begins near the end of the window is looked at in the next one.
         let begin = if is_last { window.len() } else { window.len().saturating_sub(ENOUGH as usize) };
         let found = (0..begin).find(|place| {

@@ -31,7 +31,7 @@ use crate::{
 /// is dropped.
 #[derive(Clone)]
 pub struct Ros2 {
-    inner: Arc<Inner>,
+    pub(crate) inner: Arc<Inner>,
 }
 
 /// The message for a DDS library that does not answer.
@@ -75,8 +75,7 @@ impl Ros2 {
         let _ = owner.set(Arc::downgrade(&inner));
         services::serve(&inner)?;
         let this = Self { inner };
-        let sim_time = this.param(&USE_SIM_TIME)? == Some(Value::Bool(true));
-        this.inner.use_sim_time(sim_time)?;
+        this.inner.use_sim_time(this.param(&USE_SIM_TIME)? == Some(Value::Bool(true)))?;
         this.watch();
         Ok(this)
     }
@@ -94,10 +93,6 @@ impl Ros2 {
     /// Whether the node ends because something failed, so that it should be started again.
     pub fn failed(&self) -> bool {
         self.inner.failed.load(Ordering::SeqCst)
-    }
-
-    pub(crate) fn inner(&self) -> &Arc<Inner> {
-        &self.inner
     }
 
     /// Announces the node again shortly after its start, then watches the clock until the node has left.
@@ -125,7 +120,7 @@ impl Middleware for Ros2 {
     type Server = Server;
 
     fn node_name(&self) -> String {
-        self.inner.participant.names().full_name()
+        self.inner.participant.names.full_name()
     }
 
     fn advertise<M: Message>(&self, topic: &str, qos: Qos) -> Result<Self::Publisher<M>> {

@@ -18,10 +18,10 @@ impl Ros2 {
     /// # Errors
     /// If the topic cannot be created.
     pub fn log_with(&self, console: &Console) -> Result<()> {
-        let inner = self.inner();
+        let inner = &self.inner;
         let participant = &inner.participant;
         let outbox = Outbox::new(participant.rosout()?);
-        let name = participant.names().logger();
+        let name = participant.names.logger();
         let node = Arc::downgrade(inner);
         console.forward(move |record| {
             let Some(node) = node.upgrade() else { return };
@@ -68,8 +68,7 @@ impl<W, M> Outbox<W, M> {
                 Err(TryLockError::WouldBlock) => return,
             };
             loop {
-                let next = lock(&self.waiting).pop_front();
-                let Some(message) = next else { break };
+                let Some(message) = lock(&self.waiting).pop_front() else { break };
                 write(&mut writer, message);
             }
         }

@@ -71,7 +71,7 @@ impl Inner {
         let now = self.clock.now();
         let event = raw::ParameterEvent {
             stamp: Time::new(now.sec, now.nanosec),
-            node: self.participant.names().full_name(),
+            node: self.participant.names.full_name(),
             new_parameters,
             changed_parameters,
             deleted_parameters: vec![],

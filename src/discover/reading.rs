@@ -35,14 +35,14 @@ pub(crate) struct ReadArgs {
     /// Columns to analyse, separated by commas: names, patterns (`h_*`), ranges (`h_v..h_risk`), `!name` to leave out. Default:
     /// all except the time.
     #[arg(long, value_delimiter = ',')]
-    columns: Option<Vec<String>>,
+    pub(super) columns: Option<Vec<String>>,
     /// A variable to add, such as `closing = diff(dist)`; may be given several times. Table: an expression over its columns
     /// (docs/data.md). Recording: one over person and robot (docs/parameters.md).
     #[arg(long = "feature", value_name = "NAME = EXPRESSION")]
-    features: Vec<String>,
+    pub(super) features: Vec<String>,
     /// Table: numbers that stand for a missing value, such as -999, separated by commas; `none`: there are none.
     #[arg(long, value_name = "NUMBER", value_delimiter = ',', allow_hyphen_values = true)]
-    missing_value: Vec<String>,
+    pub(super) missing_value: Vec<String>,
     /// Table: turn words into codes, in alphabetical order from 0.
     #[arg(long, value_parser = ["codes"])]
     encode: Option<String>,
@@ -69,29 +69,14 @@ pub(crate) struct ReadArgs {
     resample: Option<Resample>,
     /// Table: a longer step ends a recording, seconds. Default: five steps.
     #[arg(long, value_name = "SECONDS")]
-    max_gap: Option<f64>,
+    pub(super) max_gap: Option<f64>,
     /// Tables: the files are parts of one recording, such as a file for each topic: their columns stand side by side, joined by
     /// time, and are called FILE.COLUMN. The step is --dt, or the longest of theirs.
     #[arg(long)]
-    join: bool,
+    pub(super) join: bool,
 }
 
 impl ReadArgs {
-    /// Whether the files are parts of one recording.
-    pub(super) fn joins(&self) -> bool {
-        self.join
-    }
-
-    /// Whether only some of the columns are wanted.
-    pub(super) fn chooses_columns(&self) -> bool {
-        self.columns.is_some()
-    }
-
-    /// The columns that are wanted, if only some are.
-    pub(super) fn columns(&self) -> Option<&[String]> {
-        self.columns.as_deref()
-    }
-
     /// Whether a column stays, whatever it says: the user names it.
     pub(super) fn keeps(&self, name: &str) -> bool {
         let named = self.keep.iter().chain(self.columns.iter().flatten());
@@ -108,24 +93,9 @@ impl ReadArgs {
         flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
     }
 
-    /// The largest step within a recording, seconds.
-    pub(super) fn max_gap(&self) -> Option<f64> {
-        self.max_gap
-    }
-
     /// The definitions of `--feature` as a parameter of the data node, which makes them beside the paper's three.
     pub(super) fn as_parameter(&self) -> Option<String> {
         (!self.features.is_empty()).then(|| format!("data.features={}", self.features.join("; ")))
-    }
-
-    /// The definitions of `--feature`.
-    pub(super) fn features(&self) -> &[String] {
-        &self.features
-    }
-
-    /// Whether the user says that no number stands for a missing value.
-    pub(super) fn knows_of_missing_values(&self) -> bool {
-        !self.missing_value.is_empty()
     }
 
     /// The files as tables with the same columns in the same order, each at one step. `dt` is what tables are resampled to.
@@ -157,10 +127,8 @@ impl ReadArgs {
             false => Vec::new(),
         };
         if !derived.is_empty() && files.iter().any(recorded) {
-            return Err(Error::param(
-                "feature",
-                "it means one thing for tables and another for recordings; analyse them apart",
-            ));
+            let reason = "it means one thing for tables and another for recordings; analyse them apart";
+            return Err(Error::param("feature", reason));
         }
         let mut reading = Reading {
             columns: self.wanted(&derived),
@@ -180,10 +148,8 @@ impl ReadArgs {
         }
         if self.join {
             if files.iter().any(recorded) {
-                return Err(Error::param(
-                    "join",
-                    "it is for tables; a recording has all its topics side by side",
-                ));
+                let reason = "it is for tables; a recording has all its topics side by side";
+                return Err(Error::param("join", reason));
             }
             return self.joined(files, dt, &reading, &derived, besides);
         }
@@ -396,7 +362,7 @@ impl PartArgs {
         variables: Option<&[String]>,
         read: &ReadArgs,
     ) -> Result<Data> {
-        let named = read.columns().unwrap_or_default();
+        let named = read.columns.as_deref().unwrap_or_default();
         if let Some(Rows(rows)) = &self.rows {
             data.map_recordings(|recording| {
                 let end = recording.nrows().min(*rows.end());
@@ -466,10 +432,7 @@ impl PartArgs {
             pattern.is_none_or(|pattern| Table::places(&names, &pattern).is_ok())
         };
         let variables: Vec<String> = variables.unwrap_or_default().iter().filter(is_there).cloned().collect();
-        let chosen = match variables.is_empty() {
-            true => None,
-            false => Some(Table::places(&names, &variables)?),
-        };
+        let chosen = if variables.is_empty() { None } else { Some(Table::places(&names, &variables)?) };
         let is_kept =
             |var: &usize| Some(*var) != by && chosen.as_ref().is_none_or(|chosen| chosen.contains(var));
         let kept: Vec<usize> = (0..names.len()).filter(is_kept).collect();

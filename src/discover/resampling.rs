@@ -47,10 +47,8 @@ impl ResampleArgs {
         let resampling = self.0.request()?.resampling()?;
         let is_bootstrap = resampling.as_ref().is_some_and(|asked| asked.scheme == Scheme::Bootstrap);
         if self.0.text("share").is_some() && is_bootstrap {
-            return Err(Error::param(
-                "share",
-                "a bootstrap draws as many rows as there are; a share is for subsamples",
-            ));
+            let reason = "a bootstrap draws as many rows as there are; a share is for subsamples";
+            return Err(Error::param("share", reason));
         }
         Ok(resampling)
     }
@@ -68,12 +66,6 @@ pub(crate) struct ResultArgs {
     /// Whether to say what to do next, such as how much longer to record.
     #[arg(long, value_enum, default_value = "on", num_args = 0..=1, require_equals = true, default_missing_value = "on")]
     pub(crate) advice: Advised,
-}
-
-impl Default for ResultArgs {
-    fn default() -> Self {
-        Self { resample_out: None, detail: Detail::default(), advice: Advised::On }
-    }
 }
 
 #[cfg(test)]

@@ -66,10 +66,8 @@ impl TrajectoryArgs {
     /// A file that is not a table of trajectories, or a flag that does not go with it.
     pub(super) fn read(&self, args: &Args) -> Result<Data> {
         if args.several_people == "joint" {
-            return Err(Error::param(
-                "several-people",
-                "trajectories are pooled: each agent is a recording of one system",
-            ));
+            let reason = "trajectories are pooled: each agent is a recording of one system";
+            return Err(Error::param("several-people", reason));
         }
         if let Some(flag) = args.how.read.of_lines() {
             return Err(Error::param(
@@ -89,8 +87,8 @@ impl TrajectoryArgs {
         let choice = TrajectoryChoice {
             who: self.agent.clone().unwrap_or_else(|| EVERYBODY.to_owned()),
             obstacle: self.obstacle.clone(),
-            dt: args.how.inputs.dt(),
-            max_gap: args.how.read.max_gap(),
+            dt: args.how.inputs.dt,
+            max_gap: args.how.read.max_gap,
             // A few samples more than the lags take.
             least_rows: args.how.method.tau_max().saturating_mul(2).saturating_add(4),
         };
@@ -99,7 +97,7 @@ impl TrajectoryArgs {
             let found = walks(file, &reading, &choice, &postprocess)?;
             warnings.extend(found.notes.iter().map(|note| format!("{}: {note}", file.display())));
             for (place, (agent, mut table)) in found.tables.into_iter().enumerate() {
-                if let Some(columns) = args.how.read.columns() {
+                if let Some(columns) = &args.how.read.columns {
                     table.keep(columns)?;
                 }
                 let user = file.with_file_name(format!(
@@ -109,21 +107,18 @@ impl TrajectoryArgs {
                 tables.push((Input { table: file.clone(), user, run: [number, place] }, table));
             }
         }
-        warnings.iter().for_each(|warning| crate::terminal::tell!("{warning}"));
-        let data = Data::of(tables)?;
-        Ok(Data { warnings, recorded: false, ..data })
+        warnings.iter().for_each(|warning| tell!("{warning}"));
+        Ok(Data { warnings, recorded: false, ..Data::of(tables)? })
     }
 
     /// The data node's parameters: those of `--param`, and the features.
     fn parameters(&self, args: &Args) -> Result<Vec<(String, Value)>> {
         let mut given = Vec::new();
-        for text in args.how.inputs.params().into_iter().chain(args.how.read.as_parameter()) {
+        for text in args.how.inputs.params.iter().cloned().chain(args.how.read.as_parameter()) {
             let (node, name, value) = parameter(&text)?;
             if node != "data" {
-                return Err(Error::param(
-                    "param",
-                    format!("trajectories know the parameters of the node data, not of {node}"),
-                ));
+                let reason = format!("trajectories know the parameters of the node data, not of {node}");
+                return Err(Error::param("param", reason));
             }
             given.push((name, Value::Str(value)));
         }

@@ -146,8 +146,7 @@ impl Args {
         let begins = recording.start.as_secs_f64();
         let rows = (self.ts_length / self.dt).round() as usize;
         let count = recording.n_rows() / rows.max(1);
-        let batches = recordings::cut(&recording, rows, count);
-        let events = self.events(&batches, seed, interrupt)?;
+        let events = self.events(&recordings::cut(&recording, rows, count), seed, interrupt)?;
         let second = |event: &ChangeEvent| event.time as f64 * self.dt;
         Ok(Reported {
             seed,

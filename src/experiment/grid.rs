@@ -45,9 +45,7 @@ impl Grid {
     pub(crate) fn check(&self, analysis: &Settings) -> Result<()> {
         within("lengths", &self.lengths, LENGTHS)?;
         within("steps", &self.steps, STEPS)?;
-        for model in &self.risk_models {
-            model.parse::<RiskModel>()?;
-        }
+        self.risk_models.iter().try_for_each(|model| model.parse::<RiskModel>().map(drop))?;
         if let Some(lag) = self.risk_lags.iter().find(|lag| **lag > 1) {
             return Err(Error::param("risk-lags", format!("{lag} is not allowed; use 0 or 1")));
         }
@@ -142,10 +140,7 @@ pub(crate) fn seeds(text: &str) -> Result<Vec<u64>> {
     let (first, last) = text.split_once("..").unwrap_or((text, text));
     let number = |text: &str| text.trim_start_matches('=').trim().parse::<u64>().map_err(|_| fault());
     let (first, last) = (number(first)?, number(last)?);
-    if last < first || last - first >= 1_000_000 {
-        return Err(fault());
-    }
-    Ok((first..=last).collect())
+    if last < first || last - first >= 1_000_000 { Err(fault()) } else { Ok((first..=last).collect()) }
 }
 
 /// The part `I/N` of the jobs that this process does: those whose number modulo `N` is `I - 1`.

@@ -131,8 +131,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
             (out, begin(out)?, args.sweep.run(interrupt)?)
         }
     };
-    let files = report::files(&runs)?;
-    runner::end(out, results, None, &files, &format!("{}\n\n", report::text(&runs)))
+    runner::end(out, results, None, &report::files(&runs)?, &format!("{}\n\n", report::text(&runs)))
 }
 
 /// Copies the runs of all folders into one.

@@ -14,13 +14,7 @@ use roscausal_core::{Error, Result, gate::lock};
 use roscausal_discovery::Model;
 
 use super::grid;
-use crate::{
-    chart,
-    interrupt::Interrupt,
-    output,
-    results::Results,
-    terminal::{print_text, say},
-};
+use crate::{chart, interrupt::Interrupt, output, results::Results, terminal::print_text};
 
 /// Arguments of every experiment.
 #[derive(ClapArgs)]

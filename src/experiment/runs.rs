@@ -224,8 +224,7 @@ fn file_name(setting: &Setting, seed: u64, rest: &str) -> String {
         text.rsplit(['/', '\\']).next().unwrap_or_default().chars().map(legal).collect()
     };
     let cells: Vec<String> = setting.cells().iter().map(|cell| plain(cell)).collect();
-    let key = format!("{setting:?} {rest}");
-    format!("{}_seed{seed}_{:016x}.json", cells.join("_"), hash(&key))
+    format!("{}_seed{seed}_{:016x}.json", cells.join("_"), hash(&format!("{setting:?} {rest}")))
 }
 
 /// FNV-1a, 64 bits: the same on every machine.

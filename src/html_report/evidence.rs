@@ -76,8 +76,7 @@ fn card(material: &Material, place: usize, link: &Link, seen: &LinkEvidence) -> 
     ];
     for (svg, name) in plots {
         let Some(svg) = svg else { continue };
-        let named = svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{name}\" "), 1);
-        out += &named;
+        out += &svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{name}\" "), 1);
     }
     out + "</div>\n<p><a href=\"#graph\">Back to the graph</a></p>\n</article>\n"
 }

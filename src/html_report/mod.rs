@@ -98,7 +98,7 @@ fn written(
         None => "; no evidence was kept beside this model",
     };
     let s = if links == 1 { "" } else { "s" };
-    crate::terminal::tell!("{}: {links} link{s}{evidence}", html.display());
+    tell!("{}: {links} link{s}{evidence}", html.display());
     Ok(())
 }
 

@@ -18,7 +18,6 @@ use crate::{
     folders::{EVIDENCE, model_in, read_evidence, read_model},
     interrupt::Interrupt,
     results::check_whole,
-    terminal::tell,
 };
 
 /// Most variables and lags of a model that a report shows.
@@ -47,7 +46,7 @@ pub(super) fn read(args: &Args, interrupt: &Interrupt) -> Result<Material> {
     }
     let (inputs, method, means) = (args.inputs.clone(), args.method.clone(), args.means.clone());
     let how = AnalysisArgs { inputs, method, means, ..AnalysisArgs::default() };
-    let analysis = discover::Args::of(std::slice::from_ref(input), &how, args.seed);
+    let analysis = discover::Args::of(std::slice::from_ref(input), &how, args.seed)?;
     let discover::Answer { model, evidence, .. } = discover::found(&analysis, interrupt, false)?;
     let name = input.display().to_string();
     let command = command(&model, &name);
@@ -56,10 +55,7 @@ pub(super) fn read(args: &Args, interrupt: &Interrupt) -> Result<Material> {
 
 /// What a model or a folder of results holds.
 pub(super) fn stored(path: &Path) -> Result<Material> {
-    match path.is_dir() {
-        true => of_folder(path),
-        false => of_model(path, path.display().to_string()),
-    }
+    if path.is_dir() { of_folder(path) } else { of_model(path, path.display().to_string()) }
 }
 
 /// Whether a folder is a recording, not results.
@@ -132,10 +128,7 @@ fn command(model: &Model, file: &str) -> String {
 /// A word for a shell.
 pub(crate) fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "._-/+".contains(c);
-    match word.chars().all(plain) {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', "'\\''")),
-    }
+    if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
 /// The flags of the analysis that made the model.

@@ -122,10 +122,8 @@ impl SourceArgs {
             return Ok(Ready { model: model.with_facts(facts), times });
         }
         if self.data.is_empty() {
-            return Err(Error::param(
-                "data",
-                "a graph alone answers nothing; give the CSV files that it was found in",
-            ));
+            let reason = "a graph alone answers nothing; give the CSV files that it was found in";
+            return Err(Error::param("data", reason));
         }
         let acts_on = self.acts_on()?;
         let context: Vec<String> = acts_on.iter().map(|(column, _)| column.clone()).collect();

@@ -211,7 +211,7 @@ fn show(
             Status::NotSupported => "not supported by the data",
             _ => "error",
         };
-        crate::terminal::tell!("{word}: {message}");
+        tell!("{word}: {message}");
     }
     Ok(status)
 }

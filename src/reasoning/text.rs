@@ -22,8 +22,7 @@ fn table(outlook: &Outlook) -> Vec<String> {
     let cell = |text: String| format!("{text:>26}");
     let header: String = outlook.forecasts.iter().map(|forecast| cell(forecast.variable.clone())).collect();
     let mut lines = vec![format!("step{header}")];
-    let steps = outlook.forecasts.first().map_or(0, |forecast| forecast.mean.len());
-    for k in 0..steps {
+    for k in 0..outlook.forecasts.first().map_or(0, |forecast| forecast.mean.len()) {
         let value = |forecast: &roscausal_reasoning::answer::Forecast| {
             let (mean, lower, upper) = (forecast.mean[k], forecast.lower[k], forecast.upper[k]);
             cell(if lower == upper {

@@ -80,7 +80,7 @@ pub(crate) struct InputArgs {
     person: Option<String>,
     /// Step between samples, seconds: of a recording's batches; a table is resampled to it (--resample).
     #[arg(long, value_name = "SECONDS", help_heading = "Data")]
-    dt: Option<f64>,
+    pub(crate) dt: Option<f64>,
     /// Recording: length of a batch, seconds; 0: until the end. Several batches are recordings of one system. Default: as
     /// recorded, otherwise 0 (replay: 150).
     #[arg(long, value_name = "SECONDS")]
@@ -88,29 +88,14 @@ pub(crate) struct InputArgs {
     /// Recording: a parameter of the node robot, human or data (docs/parameters.md), such as `data.safe_dist=4`;
     /// may be given several times.
     #[arg(long = "param", value_name = "NODE.NAME=VALUE")]
-    params: Vec<String>,
+    pub(crate) params: Vec<String>,
     /// Use no settings from files: neither those that came with the data (in a recording, `FILE.roscausal.toml`, `roscausal.toml`
     /// and a batch's .json beside it) nor your own.
     #[arg(long)]
-    ignore_settings: bool,
+    pub(crate) ignore_settings: bool,
 }
 
 impl InputArgs {
-    /// Whether settings of files are left out.
-    pub(crate) fn ignores_settings(&self) -> bool {
-        self.ignore_settings
-    }
-
-    /// The step between samples, if it was given.
-    pub(crate) fn dt(&self) -> Option<f64> {
-        self.dt
-    }
-
-    /// The parameters of nodes, as given.
-    pub(crate) fn params(&self) -> Vec<String> {
-        self.params.clone()
-    }
-
     /// The same flags, with a parameter more.
     pub(crate) fn with_param(&self, param: Option<String>) -> Self {
         let mut with = self.clone();
@@ -315,11 +300,7 @@ impl Inputs {
             }
             (None, None) => self.take_frame(chooser)?,
         }
-        match chooser.optional(&ROBOT_GOAL, args.robot_goal.as_deref())? {
-            Some(goal) => self.take(&ROBOT_GOAL, &goal),
-            None => self.nobody_tells(&ROBOT_GOAL, "robot", "goal_topic"),
-        }
-        Ok(())
+        self.take_goal(chooser, &ROBOT_GOAL, args.robot_goal.as_deref())
     }
 
     /// The robot's pose where there is odometry: the topic that was named, otherwise what knows the robot for more of the time.
@@ -375,9 +356,7 @@ impl Inputs {
         {
             return Ok(());
         }
-        for node in ["robot", "human"] {
-            self.set(node, "target_frame", frame);
-        }
+        ["robot", "human"].iter().for_each(|node| self.set(node, "target_frame", frame));
         self.chosen
             .push(format!("all places in the frame {frame} of {place}: no transform leads to a frame {map}"));
         Ok(())
@@ -414,10 +393,7 @@ impl Inputs {
         };
         let (base, map) = known(&BASES).zip(known(&["map", "odom"])).ok_or_else(|| {
             let robots = robots::framed(&frames, &BASES);
-            match robots.is_empty() {
-                true => chooser.nothing(&ROBOT_ODOM),
-                false => chooser.several_frames(&robots),
-            }
+            if robots.is_empty() { chooser.nothing(&ROBOT_ODOM) } else { chooser.several_frames(&robots) }
         })?;
         self.set("robot", "pose_topic", "");
         self.set("robot", "source_frame", &base);
@@ -458,11 +434,7 @@ impl Inputs {
                 self.check_names(chooser, args, &persons::Source::Topics(&named))?;
             }
         }
-        match chooser.optional(&HUMAN_GOAL, args.human_goal.as_deref())? {
-            Some(goal) => self.take(&HUMAN_GOAL, &goal),
-            None => self.nobody_tells(&HUMAN_GOAL, "human", "goal_topic"),
-        }
-        Ok(())
+        self.take_goal(chooser, &HUMAN_GOAL, args.human_goal.as_deref())
     }
 
     /// People who are TF frames.
@@ -552,9 +524,7 @@ impl Inputs {
         }
         let Some(kind) = role.kind(&topic.type_name) else { return };
         self.set(role.node, kind.topic_param, &topic.playable());
-        for (name, value) in kind.also {
-            self.set(role.node, name, value);
-        }
+        kind.also.iter().for_each(|(name, value)| self.set(role.node, name, value));
     }
 
     /// Reads a topic as bytes.
@@ -583,9 +553,14 @@ impl Inputs {
         self.kinds.get(&topic.name).is_none_or(|kind| *kind == topic.type_name)
     }
 
-    fn nobody_tells(&mut self, role: &Role, node: &str, param: &str) {
-        self.set(node, param, "");
-        self.chosen.push(format!("{}: none ({} names one)", role.what, role.flag));
+    fn take_goal(&mut self, chooser: &Chooser<'_>, role: &Role, named: Option<&str>) -> Result<()> {
+        if let Some(goal) = chooser.optional(role, named)? {
+            self.take(role, &goal);
+        } else {
+            self.set(role.node, "goal_topic", "");
+            self.chosen.push(format!("{}: none ({} names one)", role.what, role.flag));
+        }
+        Ok(())
     }
 
     fn set(&mut self, node: &str, name: &str, value: &str) {
@@ -614,28 +589,29 @@ impl Inputs {
                 .push(format!("recorded with {}; used unless flags say otherwise", reported.join(" ")));
         }
         if let Some(sentence) = travel::sentence(path, &carried.left_out) {
-            crate::terminal::tell!("{sentence}");
+            tell!("{sentence}");
         }
         Ok(())
     }
 
+    /// What this parameter was set to, by the recording or the user: the last counts.
+    fn value(&self, node: &str, name: &str) -> Option<&Value> {
+        self.params.iter().rev().find(|(of, param, _)| of == node && param == name).map(|(.., value)| value)
+    }
+
     /// Whether this parameter was set, by the recording or the user.
     pub(crate) fn sets(&self, node: &str, name: &str) -> bool {
-        self.params.iter().any(|(of, param, _)| of == node && param == name)
+        self.value(node, name).is_some()
     }
 
     /// Whether the recording is cut into batches of a length.
     pub(crate) fn is_cut(&self) -> bool {
-        let lengths =
-            self.params.iter().rev().filter(|(node, name, _)| node == "data" && name == "ts_length");
-        lengths.map(|(.., length)| length.as_double()).next().flatten().is_some_and(|length| length > 0.0)
+        self.value("data", "ts_length").and_then(Value::as_double).is_some_and(|length| length > 0.0)
     }
 
     /// Whether batches are not post-processed.
     pub(crate) fn is_raw(&self) -> bool {
-        let values =
-            self.params.iter().rev().filter(|(node, name, _)| node == "data" && name == "postprocess");
-        values.map(|(.., value)| value).next() == Some(&Value::Str("none".into()))
+        self.value("data", "postprocess") == Some(&Value::Str("none".into()))
     }
 
     fn set_params(&mut self, args: &InputArgs) -> Result<()> {

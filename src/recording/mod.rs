@@ -86,12 +86,8 @@ impl Source {
     pub(crate) fn open(path: &Path, args: &InputArgs, max_memory: Option<u64>) -> Result<Self> {
         let recording = Recording::open(path)?.within(Memory::of(max_memory));
         let inputs = Inputs::choose(&recording, path, args)?;
-        for line in &inputs.chosen {
-            crate::terminal::tell!("{}: {line}", path.display());
-        }
-        for note in &inputs.clocks.notes {
-            crate::terminal::tell!("note: {note}");
-        }
+        inputs.chosen.iter().for_each(|line| tell!("{}: {line}", path.display()));
+        inputs.clocks.notes.iter().for_each(|note| tell!("note: {note}"));
         Ok(Self { path: path.to_owned(), recording, inputs })
     }
 
@@ -105,11 +101,7 @@ impl Source {
     ) -> Result<Vec<PathBuf>> {
         let laps = self.recording.laps();
         if laps > 1 {
-            crate::terminal::tell!(
-                "note: {}: {}; each is a recording of its own",
-                self.path.display(),
-                runs(laps)
-            );
+            tell!("note: {}: {}; each is a recording of its own", self.path.display(), runs(laps));
         }
         self.recording = self.recording.by_lap();
         let (mut batches, mut numbers, mut trouble) = (Vec::new(), Vec::new(), String::new());
@@ -119,9 +111,7 @@ impl Source {
             for batch in found {
                 if lap > 1 && is_repeated(&batch, &batches)? {
                     let file = self.path.display();
-                    crate::terminal::tell!(
-                        "note: {file}: run {lap} holds the rows of an earlier one and is left out"
-                    );
+                    tell!("note: {file}: run {lap} holds the rows of an earlier one and is left out");
                 } else {
                     batches.push(if lap == 1 { batch } else { of_run(&batch, lap)? });
                 }
@@ -176,7 +166,7 @@ impl Source {
         let pool = Pool::open(&folder, "data_")?;
         let batches: Vec<PathBuf> = pool.contents()?.batches.iter().map(|name| folder.join(name)).collect();
         if let (false, Some(remark)) = (batches.is_empty(), seen.remark()) {
-            crate::terminal::tell!("note: {}: {remark}", self.path.display());
+            tell!("note: {}: {remark}", self.path.display());
         }
         Ok((batches, played, seen.to_string()))
     }

@@ -61,7 +61,7 @@ impl Intervals {
 
 /// The messages of a run in order.
 pub(super) struct InOrder<'a> {
-    recording: &'a mut Recording,
+    pub(super) recording: &'a mut Recording,
     lead: Lead,
     /// The longest lead, seconds.
     most: f64,
@@ -108,9 +108,5 @@ impl<'a> InOrder<'a> {
             self.waiting.insert((record.stamp, self.count), record);
         }
         self.waiting.pop_first().map(|(_, record)| record)
-    }
-
-    pub(super) fn recording(&self) -> &Recording {
-        self.recording
     }
 }

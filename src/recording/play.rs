@@ -153,7 +153,7 @@ impl<'a> Play<'a> {
         mut each: impl FnMut(f64, Time) -> bool,
     ) -> Result<Played> {
         let mut seen = -1.0;
-        let topics = self.recording.recording().topics().to_vec();
+        let topics = self.recording.recording.topics().to_vec();
         numbers.resize(topics.len(), 0);
         for (publisher, message) in &self.fixed {
             publisher.publish(message)?;
@@ -182,13 +182,13 @@ impl<'a> Play<'a> {
                 }
             }
             self.played.messages += 1;
-            let progress = self.recording.recording().progress();
+            let progress = self.recording.recording.progress();
             if (progress != seen || self.played.messages.is_multiple_of(64)) && !each(progress, self.now) {
                 break;
             }
             seen = progress;
         }
-        self.played.losses = self.recording.recording().losses().to_vec();
+        self.played.losses = self.recording.recording.losses().to_vec();
         Ok(self.played)
     }
 
@@ -214,8 +214,7 @@ impl<'a> Play<'a> {
     fn publish(&mut self, topic: &Topic, record: &Record) {
         let mut published = match self.raw.get(record.topic) {
             Some(Some((name, kind))) => {
-                let message = Raw { kind: kind.clone(), bytes: record.bytes.clone() };
-                self.node.publish_raw(name, message)
+                self.node.publish_raw(name, Raw { kind: kind.clone(), bytes: record.bytes.clone() })
             }
             _ => self.player.publish(topic, record),
         };
@@ -258,33 +257,28 @@ impl Played {
     pub(crate) fn tell(&self, path: &Path) {
         let [names, changed, per_row, ahead, follows] = lock(&self.people).clone();
         if !names.is_empty() {
-            crate::terminal::tell!("{}: people: {names}", path.display());
+            tell!("{}: people: {names}", path.display());
         }
         if !changed.is_empty() {
-            crate::terminal::tell!(
+            tell!(
                 "note: {}: a new number of a person began where another had ended within 2 s ({changed}): probably the same person; --param \
                  human.rejoin_time=2 joins them",
                 path.display()
             );
         }
         if let Some(remark) = per_row.parse().ok().zip(ahead.parse().ok()).and_then(of_rows) {
-            crate::terminal::tell!("note: {}: {remark}", path.display());
+            tell!("note: {}: {remark}", path.display());
         }
         if follows.parse::<f64>().is_ok_and(|share| share >= 50.0) {
-            crate::terminal::tell!(
+            tell!(
                 "note: {}: the robot follows people in {follows} % of the rows in which both move: their distance is then a sum of both \
                  speeds, and a link from it to a speed may be there without a cause",
                 path.display()
             );
         }
-        for loss in &self.losses {
-            crate::terminal::tell!("note: {loss}");
-        }
+        self.losses.iter().for_each(|loss| tell!("note: {loss}"));
         for (topic, (count, first)) in &self.unreadable {
-            crate::terminal::tell!(
-                "note: {}: {count} messages of {topic} cannot be read, the first: {first}",
-                path.display()
-            );
+            tell!("note: {}: {count} messages of {topic} cannot be read, the first: {first}", path.display());
         }
     }
 

@@ -7,7 +7,7 @@ use roscausal_msgs::dynamic::{Array, Found, Kind, Path, Query, Schema, Step, Wir
 use roscausal_recording::{Recording, Topic};
 
 use super::Count;
-use crate::{interrupt::Interrupt, terminal};
+use crate::interrupt::Interrupt;
 
 /// Most numbers of one topic that are listed.
 const MOST: usize = 200;
@@ -62,8 +62,7 @@ impl Listed {
 
 impl Signal {
     fn add(&mut self, record: &roscausal_recording::Record, numbers: &[f64]) {
-        let known = numbers.iter().copied().filter(|number| number.is_finite());
-        for number in known {
+        for number in numbers.iter().copied().filter(|number| number.is_finite()) {
             let (least, most) = self.range.unwrap_or((number, number));
             self.range = Some((least.min(number), most.max(number)));
         }
@@ -141,22 +140,20 @@ pub(super) fn run(path: &File, interrupt: &Interrupt) -> Result<()> {
     let signals = lines.iter().flat_map(|(_, listed)| listed.iter()).flat_map(|listed| &listed.signals);
     let kinds = signals.map(|signal| signal.kind.len()).max().unwrap_or(0).max(4);
     let columns = "rate, Hz     gap, s         least          most";
-    terminal::say!("{:names$}  {:kinds$}  {columns}", "signal", "type");
+    say!("{:names$}  {:kinds$}  {columns}", "signal", "type");
     for (topic, listed) in lines {
         match listed {
             Ok(listed) => {
                 for signal in &listed.signals {
-                    terminal::say!("{}", signal.line(&topic.name, names, kinds));
+                    say!("{}", signal.line(&topic.name, names, kinds));
                 }
                 if listed.unreadable > 0 {
-                    terminal::tell!("note: {}: {} messages cannot be read", topic.name, listed.unreadable);
+                    tell!("note: {}: {} messages cannot be read", topic.name, listed.unreadable);
                 }
             }
-            Err(reason) => terminal::tell!("note: {}: {reason}", topic.name),
+            Err(reason) => tell!("note: {}: {reason}", topic.name),
         }
     }
-    for loss in recording.losses() {
-        terminal::tell!("note: {loss}");
-    }
+    recording.losses().iter().for_each(|loss| tell!("note: {loss}"));
     Ok(())
 }

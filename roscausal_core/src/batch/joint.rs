@@ -72,7 +72,7 @@ pub struct Joint {
     /// Columns of interventions that vary, of all batches.
     context: Vec<String>,
     /// The step that they share.
-    dt: Option<f64>,
+    pub dt: Option<f64>,
     /// What a reader of the model should know.
     pub warnings: Vec<String>,
 }
@@ -121,10 +121,7 @@ impl Joint {
         let mut context = Vec::new();
         for name in reported {
             // A batch without the column is one without the intervention.
-            let of = |table: &Table| match table.names.contains(name) {
-                true => column(table, name),
-                false => vec![0.0],
-            };
+            let of = |table: &Table| if table.names.contains(name) { column(table, name) } else { vec![0.0] };
             let mut values = tables.iter().flat_map(|(table, _)| of(table));
             let first = values.next();
             if values.all(|value| Some(value) == first) {
@@ -145,11 +142,6 @@ impl Joint {
         let notes = notes.filter(|note| !varies(note) && !goes(note));
         let warnings = notes.map(ToString::to_string).chain(notes_on_context).collect();
         Ok(Self { tables, context, dt, warnings })
-    }
-
-    /// Step between samples, in seconds.
-    pub fn dt(&self) -> Option<f64> {
-        self.dt
     }
 
     /// Stamps of the first and the last row in seconds, if the batches have times.
@@ -444,7 +436,7 @@ mod tests {
         assert_eq!(part.sources, [0, 1]);
         let announced = [("do_human_v", vec![0.0; 4]), ("do_robot_speed", vec![0.0, 0.0, 0.0, 0.2])];
         assert_eq!(joint.announced(), announced.map(|(name, values)| (name.to_owned(), values)));
-        assert_eq!((joint.span(), joint.dt()), ((Some(0.0), Some(6.0)), Some(1.0)));
+        assert_eq!((joint.span(), joint.dt), ((Some(0.0), Some(6.0)), Some(1.0)));
     }
 
     #[test]

@@ -290,10 +290,7 @@ fn nearest(a: &Body, b: &Body, batch: &Recording, row: usize, person: Option<u32
 
 /// The name of a feature if there are several people: `h_v` becomes `h_7_v`.
 fn name_for(name: &str, id: u32) -> String {
-    match name.strip_prefix("h_") {
-        Some(rest) => format!("h_{id}_{rest}"),
-        None => format!("{name}_{id}"),
-    }
+    name.strip_prefix("h_").map_or_else(|| format!("{name}_{id}"), |rest| format!("h_{id}_{rest}"))
 }
 
 /// A standard normal number; it depends on stream and index only (Box and Muller 1958).

@@ -181,8 +181,7 @@ impl Recorder {
                 self.restart(EndedBy::ClockJump);
             }
             self.newest_signal = self.newest_signal.max(Some(now));
-            let first = now.div_euclid(self.dt_ns) * self.dt_ns;
-            self.next_row.get_or_insert(first);
+            self.next_row.get_or_insert(now.div_euclid(self.dt_ns) * self.dt_ns);
         }
         let Ok(subject) = u32::try_from(number) else { return };
         let values = Values { x: value, ..Values::UNKNOWN };
@@ -341,8 +340,7 @@ impl Recorder {
         }
         self.newest_people = self.newest_people.max(Some(stamp));
         for person in &humans.humans {
-            let new = self.seen.len() < MOST_PEOPLE && self.seen.insert(person.id);
-            if new {
+            if self.seen.len() < MOST_PEOPLE && self.seen.insert(person.id) {
                 tracing::info!("person {} is there", person.id);
             }
             let stamp = stamp_ns(person.header.stamp, now);

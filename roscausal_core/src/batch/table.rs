@@ -25,7 +25,7 @@ use std::{collections::BTreeMap, fmt, io::BufRead, path::Path};
 use csv::{ByteRecord, ReaderBuilder, StringRecord};
 use ndarray::{Array2, Axis, ShapeBuilder};
 
-use roscausal_discovery::{DataFrame, Named, names};
+use roscausal_discovery::{Named, names};
 
 use self::{
     cells::{Cells, Codes},
@@ -237,14 +237,6 @@ impl Table {
     pub fn dt(&self) -> Option<f64> {
         let step = self.time.as_deref().and_then(steps::median_step)?;
         Some(if step < 1e-6 { step } else { (step * 1e9).round() / 1e9 })
-    }
-
-    /// The table as one recording.
-    ///
-    /// # Errors
-    /// Fewer than two variables.
-    pub fn into_data_frame(self) -> Result<DataFrame> {
-        Ok(DataFrame::new(vec![self.values], self.names)?)
     }
 
     fn parse(bytes: &[u8], reading: &Reading) -> Parsed<Self> {

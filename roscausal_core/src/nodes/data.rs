@@ -136,7 +136,7 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
     let mut unnoted = false;
     loop {
         // The last samples are journalled in time even if no message follows them.
-        let due = if unnoted { journal_due.min(health.due()) } else { health.due() };
+        let due = if unnoted { journal_due.min(health.next) } else { health.next };
         let next = inbox.awaited(mw, Some(due)).await;
         if let Some(length) = lock(&length).take() {
             recorder.set_length(length);
@@ -232,7 +232,7 @@ fn report<M: Middleware>(
     signals: &Signals,
     [dropped, refused]: [u64; 2],
 ) {
-    if mw.now() < health.due() {
+    if mw.now() < health.next {
         return;
     }
     let (counts, status, journal) = (recorder.counts(), writer.status(), writer.journal_status());

@@ -114,10 +114,8 @@ pub(super) fn recorder(params: &Params) -> Result<RecorderConfig> {
     };
     let select: Select =
         params.text("sel_agent").parse().map_err(|reason| Error::param("sel_agent", reason))?;
-    let sampling = match params.flag("subsampling") {
-        true => Sampling::Hold,
-        false => params.text("sampling").parse()?,
-    };
+    let sampling =
+        if params.flag("subsampling") { Sampling::Hold } else { params.text("sampling").parse()? };
     Ok(RecorderConfig { dt_s, ts_length_s, max_gap_s, sampling, select })
 }
 
@@ -230,17 +228,7 @@ pub(super) fn built_in(params: &Params) -> Result<Postprocess> {
 /// The parameters that are recorded beside each batch.
 fn noted(params: &Params) -> Map<String, Json> {
     let what = params.all().filter(|(name, _)| !PLACES.contains(name));
-    what.map(|(name, value)| (name.to_owned(), as_json(value))).collect()
-}
-
-fn as_json(value: &Value) -> Json {
-    match value {
-        Value::Bool(value) => json!(value),
-        Value::Int(value) => json!(value),
-        Value::Double(value) => json!(value),
-        Value::Str(value) => json!(value),
-        Value::List(values) => values.iter().map(as_json).collect(),
-    }
+    what.map(|(name, value)| (name.to_owned(), json!(value))).collect()
 }
 
 #[cfg(test)]

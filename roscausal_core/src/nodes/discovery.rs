@@ -172,19 +172,17 @@ struct Outputs<M: Middleware> {
 
 impl<M: Middleware> Outputs<M> {
     fn new(mw: &M) -> Result<Self> {
+        let picture = |topic: &str| {
+            let compressed = mw.advertise(&format!("{topic}/compressed"), Qos::Latched)?;
+            Ok::<_, Error>((mw.advertise(topic, Qos::Latched)?, compressed))
+        };
         Ok(Self {
             model: mw.advertise("roscausal/causal_model", Qos::Latched)?,
             info: mw.advertise("roscausal/causal_model_info", Qos::Latched)?,
             evidence: mw.advertise(EVIDENCE_TOPIC, Qos::Latched)?,
             changes: mw.advertise(CHANGES_TOPIC, Qos::Latched)?,
-            dag: (
-                mw.advertise("roscausal/dag", Qos::Latched)?,
-                mw.advertise("roscausal/dag/compressed", Qos::Latched)?,
-            ),
-            tsdag: (
-                mw.advertise("roscausal/tsdag", Qos::Latched)?,
-                mw.advertise("roscausal/tsdag/compressed", Qos::Latched)?,
-            ),
+            dag: picture("roscausal/dag")?,
+            tsdag: picture("roscausal/tsdag")?,
         })
     }
 }
@@ -406,7 +404,7 @@ impl<M: Middleware> Node<M> {
 
     /// Reports the node's health if a report is due.
     fn report(&mut self, mw: &M) {
-        let left = self.health.due().secs_since(mw.now());
+        let left = self.health.next.secs_since(mw.now());
         // A clock that jumped back must not stop the reports.
         if left > 0.0 && left < 5.0 {
             return;
@@ -423,7 +421,7 @@ impl<M: Middleware> Node<M> {
             ("batches rejected", self.figures.rejected.to_string()),
             ("batches set aside, cut short", self.figures.incomplete.to_string()),
             ("batches dropped, pool full", self.figures.dropped.to_string()),
-            ("batches of the model", regime.map_or(0, Regime::n_batches).to_string()),
+            ("batches of the model", regime.map_or(0, |regime| regime.window.len()).to_string()),
             ("regime", regime.map_or(0, Regime::number).to_string()),
             ("changes confirmed", regime.map_or(0, |regime| regime.count(Status::Confirmed)).to_string()),
             ("change suspected", regime.and_then(Regime::suspicion).unwrap_or_else(|| "none".into())),
@@ -512,9 +510,7 @@ fn rolled(
         }
         found => found?,
     };
-    for (person, model, ..) in &mut found {
-        regime.age(person, model, is_new);
-    }
+    found.iter_mut().for_each(|(person, model, ..)| regime.age(person, model, is_new));
     Ok((found, regime))
 }
 
@@ -571,7 +567,7 @@ fn method(
                 })
             })?,
         };
-        set_step(&mut model, joint.dt());
+        set_step(&mut model, joint.dt);
         model.warnings.extend(note);
         model.n_recordings = part.data.recordings().len();
         let person = part.person.map_or(String::new(), |id| format!("_person_{id}"));

@@ -21,7 +21,8 @@ pub(super) struct Health<M: Middleware> {
     publisher: M::Publisher<DiagnosticArray>,
     namespace: String,
     started: Time,
-    next: Time,
+    /// When the next report is due.
+    pub(super) next: Time,
     inputs: Vec<Input>,
     outputs: u64,
     fails: bool,
@@ -49,12 +50,8 @@ impl<M: Middleware> Health<M> {
         self.add(topic, T::type_name(), required)
     }
 
-    /// Registers an input of any type.
-    pub(super) fn any_input(&mut self, topic: &str, required: bool) -> usize {
-        self.add(topic, String::new(), required)
-    }
-
-    fn add(&mut self, topic: &str, type_name: String, required: bool) -> usize {
+    /// Registers an input of this type; empty: of any.
+    pub(super) fn add(&mut self, topic: &str, type_name: String, required: bool) -> usize {
         let topic = match topic.starts_with('/') {
             true => topic.to_owned(),
             false => format!("{}/{topic}", self.namespace),
@@ -77,11 +74,6 @@ impl<M: Middleware> Health<M> {
     /// Whether the node's trouble keeps it from its work: an error, not a warning.
     pub(super) fn fails(&mut self, fails: bool) {
         self.fails = fails;
-    }
-
-    /// When the next report is due.
-    pub(super) fn due(&self) -> Time {
-        self.next
     }
 
     /// Reports if a report is due. `figures` gives the node's own figures, `trouble` its current problem.

@@ -141,7 +141,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     let mut frames = Frames::new(&params.text("people_frames"));
     let (mut goal_due, mut published, mut unstamped) = (mw.now(), Time::ZERO, 0_u64);
     loop {
-        let due = if goal_param.is_some() { goal_due.min(health.due()) } else { health.due() };
+        let due = if goal_param.is_some() { goal_due.min(health.next) } else { health.next };
         match inbox.awaited(mw, Some(due)).await {
             Next::Shutdown => return Ok(()),
             Next::Event(Event::People(input, stamp, people)) => {
@@ -158,8 +158,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
             }
             Next::Event(Event::Tracked(input, stamp, prefix, ids)) => {
                 health.heard(input, mw.now());
-                let stamp = if stamp == Time::ZERO { mw.now() } else { stamp };
-                tracker.heard(stamp);
+                tracker.heard(if stamp == Time::ZERO { mw.now() } else { stamp });
                 frames.tracked(prefix, ids);
             }
             Next::Event(Event::Goal(goal)) => tracker.goal(goal),
@@ -220,9 +219,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
 /// Hands the people of a message to the tracker. What has no stamp counts as seen now.
 fn take(tracker: &mut PeopleTracker, stamp: Time, mut people: Vec<(Who, Sighting)>, now: Time) {
     let stamped = |stamp: Time| if stamp == Time::ZERO { now } else { stamp };
-    for (_, sighting) in &mut people {
-        sighting.header.stamp = stamped(sighting.header.stamp);
-    }
+    people.iter_mut().for_each(|(_, sighting)| sighting.header.stamp = stamped(sighting.header.stamp));
     tracker.message(stamped(stamp), people);
 }
 
@@ -284,7 +281,7 @@ fn subscribe_people<M: Middleware>(
         let definitions = Arc::new(Definitions::of(&params.text("msg_path")));
         for tracker in Tracker::all(&topic).map_err(|reason| Error::param("people_topic", reason))? {
             let (send, place, topic) = (inbox.sender(), readers.len(), tracker.topic.clone());
-            let input = health.any_input(&topic, true);
+            let input = health.add(&topic, String::new(), true);
             readers.push((input, Reader::new(tracker, &classes, definitions.clone())));
             subscriptions.push(mw.listen(&topic, move |message| send.send(Event::Any(place, message)))?);
         }

@@ -31,8 +31,7 @@ impl Age {
             let is_there = model.links.iter().any(|link| age.is_of(&link.cause, &link.effect, link.lag));
             age.since = if is_there { age.since.or(Some(start)) } else { None };
             age.seen.push(is_there);
-            let surplus = age.seen.len().saturating_sub(REMEMBERED);
-            age.seen.drain(..surplus);
+            age.seen.drain(..age.seen.len().saturating_sub(REMEMBERED));
         }
         ages.retain(|age| age.seen.contains(&true));
     }

@@ -66,7 +66,7 @@ pub(super) async fn markers_task<M: Middleware>(mw: &M) -> Result<()> {
     let mut robot: Option<RobotState> = None;
     let mut due = mw.now();
     loop {
-        match inbox.awaited(mw, Some(health.due())).await {
+        match inbox.awaited(mw, Some(health.next)).await {
             Next::Shutdown => return Ok(()),
             Next::Deadline => {}
             Next::Event(Event::Robot(state)) => {

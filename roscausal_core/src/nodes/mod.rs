@@ -155,9 +155,7 @@ pub fn parameters_on(name: &str, wires: Wires) -> Result<Vec<ParamSpec>> {
 /// A parameter that is not allowed.
 pub fn postprocess(given: &[(String, Value)]) -> Result<Postprocess> {
     let bus = Loopback::lockstep();
-    for (name, value) in given {
-        bus.set_node_param("data", name, value.clone());
-    }
+    given.iter().for_each(|(name, value)| bus.set_node_param("data", name, value.clone()));
     data_params::built_in(&Params::read(&bus.node("data"), &data_params::specs())?)
 }
 

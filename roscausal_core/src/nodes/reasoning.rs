@@ -156,7 +156,7 @@ fn with_inbox<M: Middleware>(mw: &M, inbox: Inbox<Event>, in_line: bool) -> Resu
     };
     let _rows = inbox.subscribe(mw, FEATURES_TOPIC, Qos::Volatile(10), Event::Features)?;
     loop {
-        match inbox.next(mw, Some(health.due().min(node.next_fit))) {
+        match inbox.next(mw, Some(health.next.min(node.next_fit))) {
             Next::Shutdown => return Ok(()),
             Next::Deadline => {}
             Next::Event(Event::Features(row)) => {
@@ -186,9 +186,7 @@ impl<M: Middleware> Node<M> {
     fn new(mw: &M, params: ReasoningParams, fitted: Sender<Event>, in_line: bool) -> Result<Self> {
         let (pool, fits) = (pool("reasoning", params.threads)?, pool("reasoning-fit", params.threads)?);
         let mut rows = Rows::new(params.max_samples, &params.person);
-        for file in &params.data {
-            rows.add_file(file)?;
-        }
+        params.data.iter().try_for_each(|file| rows.add_file(file))?;
         let wanted =
             params.graph.clone().map(|(graph, facts)| Wanted { number: 1, graph, facts, since: None });
         Ok(Self {
@@ -331,8 +329,7 @@ impl<M: Middleware> Node<M> {
         };
         (self.fitting, self.fitted_since) = (true, wanted.since);
         if self.in_line {
-            let fitted = work(data);
-            self.take_fit(number, fitted);
+            self.take_fit(number, work(data));
             return;
         }
         let inbox = self.fitted.clone();

@@ -99,13 +99,9 @@ pub(super) fn what_if(
 
 /// A forecast as its message.
 pub(super) fn forecast(own: OwnForecast) -> Forecast {
-    Forecast {
-        variable: own.variable,
-        mean: own.mean,
-        lower: own.lower,
-        upper: own.upper,
-        skill: own.skill.into_iter().map(|skill| skill.unwrap_or(f64::NAN)).collect(),
-    }
+    let OwnForecast { variable, mean, lower, upper, skill, .. } = own;
+    let skill = skill.into_iter().map(|skill| skill.unwrap_or(f64::NAN)).collect();
+    Forecast { variable, mean, lower, upper, skill }
 }
 
 /// The answer as its message.
@@ -135,12 +131,9 @@ pub(super) fn what_if_response(answer: WhatIfAnswer, stamp: Time, more: Vec<Stri
 
 /// The answer as its message.
 pub(super) fn explain_response(answer: ExplainAnswer, moment: &Moment, more: Vec<String>) -> ExplainResponse {
-    let contribution = |own: roscausal_reasoning::answer::Contribution| Contribution {
-        variable: own.variable,
-        value: own.value,
-        lower: own.lower,
-        upper: own.upper,
-        text: own.text,
+    let contribution = |own: roscausal_reasoning::answer::Contribution| {
+        let roscausal_reasoning::answer::Contribution { variable, value, lower, upper, text } = own;
+        Contribution { variable, value, lower, upper, text }
     };
     ExplainResponse {
         status: answer.status as u8,

@@ -200,7 +200,6 @@ impl Rows {
                 all.push(name.clone());
             }
         }
-        let mut recordings: Vec<Array2<f64>> = Vec::new();
         let mut segments: Vec<Vec<&Row>> = Vec::new();
         for row in &self.rows {
             match segments.last_mut() {
@@ -208,10 +207,7 @@ impl Rows {
                 _ => segments.push(vec![row]),
             }
         }
-        for rows in segments {
-            recordings.push(matrix(&rows, &columns));
-        }
-        Ok(DataFrame::new(recordings, all)?)
+        Ok(DataFrame::new(segments.iter().map(|rows| matrix(rows, &columns)).collect(), all)?)
     }
 
     /// The segment that has a stamp, and its last row that is not after it; without a stamp the newest row.

@@ -57,7 +57,7 @@ pub(super) struct Regime {
     /// Stamp of its first sample, seconds.
     last_start: f64,
     /// The batches of the present model and their rows, oldest first.
-    window: Vec<(String, usize)>,
+    pub(super) window: Vec<(String, usize)>,
     /// Per person; the name is empty for the model of all.
     whose: BTreeMap<String, Whose>,
     /// The last events, oldest first.
@@ -196,7 +196,7 @@ impl Regime {
         }
         let mut joint = Joint::read(&[new.path])?;
         let announced = joint.announced();
-        let (start, dt) = (joint.span().0.unwrap_or_default(), joint.dt().unwrap_or_default());
+        let (start, dt) = (joint.span().0.unwrap_or_default(), joint.dt.unwrap_or_default());
         let mut rows = 0;
         for part in joint.parts(new.people)? {
             rows = rows.max(part.data.recordings().iter().map(|recording| recording.nrows()).sum());
@@ -220,8 +220,7 @@ impl Regime {
                 });
             }
         }
-        let surplus = self.events.len().saturating_sub(EVENTS);
-        self.events.drain(..surplus);
+        self.events.drain(..self.events.len().saturating_sub(EVENTS));
         self.last = new.name.to_owned();
         self.last_start = start;
         self.window.push((new.name.to_owned(), rows));
@@ -232,9 +231,7 @@ impl Regime {
     /// Forgets the batches before the newest one: they cannot be analysed with it.
     pub(super) fn begin_anew(&mut self) {
         self.window.retain(|(name, _)| *name == self.last);
-        for whose in self.whose.values_mut() {
-            whose.begins = None;
-        }
+        self.whose.values_mut().for_each(|whose| whose.begins = None);
     }
 
     /// The window's limits: batches, samples, and the present regime of somebody.
@@ -313,11 +310,6 @@ impl Regime {
         let last = self.events.last().filter(|reported| reported.event.status == Status::Suspected)?;
         Some(last.event.sentence())
     }
-
-    /// Batches of the present model.
-    pub(super) fn n_batches(&self) -> usize {
-        self.window.len()
-    }
 }
 
 /// An event, the stamp of the last sample read, and those between which the link changed.
@@ -381,8 +373,7 @@ impl Whose {
             tracing::warn!("{}", spelled_out(&misfit, parameter));
         }
         self.stretches.push(Stretch { batch: new.name.to_owned(), first, rows, start, dt });
-        let surplus = self.stretches.len().saturating_sub(STRETCHES);
-        self.stretches.drain(..surplus);
+        self.stretches.drain(..self.stretches.len().saturating_sub(STRETCHES));
         if detector.regime() == before {
             self.batches += 1;
         } else {

@@ -122,7 +122,7 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
         tracker = tracker.without_odometry();
     }
     loop {
-        let states = match inbox.awaited(mw, Some(health.due())).await {
+        let states = match inbox.awaited(mw, Some(health.next)).await {
             Next::Shutdown => return Ok(()),
             Next::Deadline => Vec::new(),
             Next::Event(Event::Tf(message, fixed)) => tracker.transforms(&message, fixed),

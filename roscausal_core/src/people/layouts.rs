@@ -51,151 +51,54 @@ const PLAIN: Layout = Layout {
     action: &[],
 };
 
-const LAYOUTS: &[Layout] = &[
-    Layout {
-        types: &["vision_msgs/Detection3DArray"],
-        people: &["detections"],
-        id: &["id", "tracking_id"],
-        place: &["bbox.center"],
-        header: &["header"],
-        class: &["results[0].hypothesis.class_id", "results[0].id"],
-        keep: Keep::Named,
-        ..PLAIN
-    },
-    Layout {
-        types: &["yolo_msgs/DetectionArray", "yolov8_msgs/DetectionArray"],
-        people: &["detections"],
-        id: &["id"],
-        place: &["bbox3d.center"],
-        header: &["bbox3d"],
-        class: &["class_name"],
-        keep: Keep::Named,
-        ..PLAIN
-    },
-    Layout {
-        types: &["depthai_ros_msgs/SpatialDetectionArray"],
-        people: &["detections"],
-        id: &["tracking_id"],
-        place: &["position"],
-        class: &["results[0].class_id", "results[0].id"],
-        keep: Keep::Named,
-        ..PLAIN
-    },
-    Layout {
-        // Its label_id is the id of the track.
-        types: &["zed_msgs/ObjectsStamped", "zed_interfaces/ObjectsStamped"],
-        people: &["objects"],
-        id: &["label_id"],
-        place: &["position"],
-        velocity: &["velocity"],
-        class: &["label"],
-        keep: Keep::Named,
-        ..PLAIN
-    },
-    Layout {
-        types: &["leg_tracker/PersonArray", "leg_tracker_msgs/PersonArray"],
-        people: &["people"],
-        id: &["id"],
-        place: &["pose"],
-        ..PLAIN
-    },
-    Layout {
-        types: &["people_msgs/PositionMeasurementArray"],
-        people: &["people"],
-        id: &["object_id"],
-        place: &["pos"],
-        header: &["header"],
-        ..PLAIN
-    },
-    Layout {
-        types: &["people_msgs/People", "people_msgs/PersonArray", "people_msgs/PeopleStamped"],
-        people: &["people", "persons"],
-        id: &["name", "id"],
-        place: &["position", "pose", "pos"],
-        velocity: &["velocity", "twist"],
-        ..PLAIN
-    },
-    Layout {
-        types: &["hunav_msgs/Agents"],
-        people: &["agents"],
-        id: &["id"],
-        place: &["position"],
-        velocity: &["velocity"],
-        goal: &["goals[0]"],
-        class: &["type"],
-        keep: Keep::Number(1),
-        ..PLAIN
-    },
-    Layout {
-        types: &["derived_object_msgs/ObjectArray"],
-        people: &["objects"],
-        id: &["id"],
-        place: &["pose"],
-        velocity: &["twist"],
-        header: &["header"],
-        class: &["classification"],
-        keep: Keep::Number(4),
-        ..PLAIN
-    },
-    Layout {
-        types: &["visualization_msgs/MarkerArray"],
-        people: &["markers"],
-        id: &["id"],
-        place: &["pose"],
-        header: &["header"],
-        class: &["ns"],
-        keep: Keep::Named,
-        action: &["action"],
-        ..PLAIN
-    },
-    Layout {
-        types: &["nav2_dynamic_msgs/ObstacleArray"],
-        people: &["obstacles"],
-        id: &["uuid.uuid", "id"],
-        place: &["position"],
-        velocity: &["velocity"],
-        ..PLAIN
-    },
-    Layout {
-        types: &["social_nav_msgs/Pedestrians"],
-        people: &["pedestrians"],
-        id: &["identifier"],
-        place: &["pose"],
-        velocity: &["velocity"],
-        ..PLAIN
-    },
-    Layout {
-        types: &["social_nav_msgs/PedestriansWithCovariance"],
-        people: &["pedestrians"],
-        id: &["pedestrian.identifier"],
-        place: &["pedestrian.pose"],
-        velocity: &["pedestrian.velocity"],
-        ..PLAIN
-    },
-    Layout {
-        types: &["pedsim_msgs/AgentStates"],
-        people: &["agent_states"],
-        id: &["id"],
-        place: &["pose"],
-        velocity: &["twist"],
-        ..PLAIN
-    },
-    Layout {
-        types: &["spencer_tracking_msgs/TrackedPersons", "pedsim_msgs/TrackedPersons"],
-        people: &["tracks"],
-        id: &["track_id"],
-        place: &["pose.pose"],
-        velocity: &["twist.twist"],
-        ..PLAIN
-    },
-    Layout { types: &["geometry_msgs/PoseArray"], people: &["poses"], place: &[""], ..PLAIN },
-    Layout { types: &["geometry_msgs/PoseStamped"], place: &["pose"], ..PLAIN },
-    Layout { types: &["geometry_msgs/PointStamped"], place: &["point"], ..PLAIN },
-    Layout { types: &["geometry_msgs/PoseWithCovarianceStamped"], place: &["pose.pose"], ..PLAIN },
+/// A row for each form: its types, and what their definitions have.
+macro_rules! layouts {
+    ($([$($type:literal),+] $($key:ident: $value:expr),+;)+) => {
+        const LAYOUTS: &[Layout] = &[$(Layout { types: &[$($type),+], $($key: $value,)+ ..PLAIN }),+];
+    };
+}
+
+layouts! {
+    ["vision_msgs/Detection3DArray"] people: &["detections"], id: &["id", "tracking_id"],
+        place: &["bbox.center"], header: &["header"],
+        class: &["results[0].hypothesis.class_id", "results[0].id"], keep: Keep::Named;
+    ["yolo_msgs/DetectionArray", "yolov8_msgs/DetectionArray"] people: &["detections"], id: &["id"],
+        place: &["bbox3d.center"], header: &["bbox3d"], class: &["class_name"], keep: Keep::Named;
+    ["depthai_ros_msgs/SpatialDetectionArray"] people: &["detections"], id: &["tracking_id"],
+        place: &["position"], class: &["results[0].class_id", "results[0].id"], keep: Keep::Named;
+    // Its label_id is the id of the track.
+    ["zed_msgs/ObjectsStamped", "zed_interfaces/ObjectsStamped"] people: &["objects"], id: &["label_id"],
+        place: &["position"], velocity: &["velocity"], class: &["label"], keep: Keep::Named;
+    ["leg_tracker/PersonArray", "leg_tracker_msgs/PersonArray"] people: &["people"], id: &["id"],
+        place: &["pose"];
+    ["people_msgs/PositionMeasurementArray"] people: &["people"], id: &["object_id"], place: &["pos"],
+        header: &["header"];
+    ["people_msgs/People", "people_msgs/PersonArray", "people_msgs/PeopleStamped"] people: &["people", "persons"],
+        id: &["name", "id"], place: &["position", "pose", "pos"], velocity: &["velocity", "twist"];
+    ["hunav_msgs/Agents"] people: &["agents"], id: &["id"], place: &["position"], velocity: &["velocity"],
+        goal: &["goals[0]"], class: &["type"], keep: Keep::Number(1);
+    ["derived_object_msgs/ObjectArray"] people: &["objects"], id: &["id"], place: &["pose"],
+        velocity: &["twist"], header: &["header"], class: &["classification"], keep: Keep::Number(4);
+    ["visualization_msgs/MarkerArray"] people: &["markers"], id: &["id"], place: &["pose"],
+        header: &["header"], class: &["ns"], keep: Keep::Named, action: &["action"];
+    ["nav2_dynamic_msgs/ObstacleArray"] people: &["obstacles"], id: &["uuid.uuid", "id"],
+        place: &["position"], velocity: &["velocity"];
+    ["social_nav_msgs/Pedestrians"] people: &["pedestrians"], id: &["identifier"], place: &["pose"],
+        velocity: &["velocity"];
+    ["social_nav_msgs/PedestriansWithCovariance"] people: &["pedestrians"], id: &["pedestrian.identifier"],
+        place: &["pedestrian.pose"], velocity: &["pedestrian.velocity"];
+    ["pedsim_msgs/AgentStates"] people: &["agent_states"], id: &["id"], place: &["pose"],
+        velocity: &["twist"];
+    ["spencer_tracking_msgs/TrackedPersons", "pedsim_msgs/TrackedPersons"] people: &["tracks"],
+        id: &["track_id"], place: &["pose.pose"], velocity: &["twist.twist"];
+    ["geometry_msgs/PoseArray"] people: &["poses"], place: &[""];
+    ["geometry_msgs/PoseStamped"] place: &["pose"];
+    ["geometry_msgs/PointStamped"] place: &["point"];
+    ["geometry_msgs/PoseWithCovarianceStamped"] place: &["pose.pose"];
     // Its velocity is in the person's own frame, so it follows from the places.
-    Layout { types: &["nav_msgs/Odometry"], place: &["pose.pose"], ..PLAIN },
-    Layout { types: &["geometry_msgs/TransformStamped"], place: &["transform.translation"], ..PLAIN },
-];
+    ["nav_msgs/Odometry"] place: &["pose.pose"];
+    ["geometry_msgs/TransformStamped"] place: &["transform.translation"];
+}
 
 /// The row of a type.
 pub(super) fn row(type_name: &str) -> Option<&'static Layout> {

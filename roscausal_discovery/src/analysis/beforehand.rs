@@ -46,8 +46,7 @@ impl<'a> Beforehand<'a> {
         if lag < self.tau_min || (lag == 0 && i == j) {
             return Outcome::NotAsked;
         }
-        let known = self.links.as_ref().map(|links| links.get(self.vars[i], self.vars[j], lag));
-        match known {
+        match self.links.as_ref().map(|links| links.get(self.vars[i], self.vars[j], lag)) {
             Some(None) => return Outcome::Forbidden,
             Some(Some(assumption)) if assumption.exists() => return Outcome::Required,
             _ => {}

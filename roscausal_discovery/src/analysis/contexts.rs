@@ -19,8 +19,7 @@ use crate::{
 impl Settings {
     /// What J-PCMCI+ takes the variables for.
     pub(crate) fn jpcmciplus(&self, data: &DataFrame) -> Result<JpcmciPlusSettings> {
-        let n = data.recordings().len();
-        if n < 2 {
+        if data.recordings().len() < 2 {
             let reason = "jpcmciplus compares recordings and there is one; give several, or take pcmciplus";
             return Err(Error::Data(reason.to_owned()));
         }

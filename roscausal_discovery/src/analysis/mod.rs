@@ -111,7 +111,7 @@ fn analysed(
     if let Some(most) = used.filter(|_| data.shared_times().is_some()) {
         model.n_samples = most;
     }
-    if !control.is_silent() {
+    if !control.silent {
         chance::fill(&mut model, settings);
     }
     Ok((model, evidence))
@@ -160,8 +160,7 @@ fn filtered(
     let features: Vec<String> = result.features.iter().map(name).collect();
     let others = (0..data.n_vars()).filter(|var| !result.features.contains(var));
     let dropped = others.map(|var| name(&var)).collect();
-    let n_recordings = data.recordings().len();
-    let blank = Model { n_samples, n_recordings, dropped, ..settings.blank_model() };
+    let blank = Model { n_samples, n_recordings: data.recordings().len(), dropped, ..settings.blank_model() };
     let mut evidence = None;
     let mut model = match &result.pcmci {
         Some(found) => {

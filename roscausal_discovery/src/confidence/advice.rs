@@ -26,8 +26,7 @@ const SETTLED: f64 = 0.9;
 /// Puts the advice for each pair and lag that a resample had a link at into a model with a confidence.
 pub(super) fn add(model: &mut Model, resampling: &Resampling) {
     let Some(mut confidence) = model.confidence.take() else { return };
-    let asks = Question { model, confidence: &confidence, resampling };
-    let advice = asks.answers();
+    let advice = Question { model, confidence: &confidence, resampling }.answers();
     confidence.advice = advice;
     model.confidence = Some(confidence);
 }

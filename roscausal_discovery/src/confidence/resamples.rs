@@ -72,8 +72,7 @@ impl<'a> Resamples<'a> {
         let first = if settings.method == Method::Fpcmci { settings.tau_max } else { 2 * settings.tau_max };
         let n_rows = rows_from(data, first);
         draws::check(resampling, &n_rows)?;
-        let test = settings.test()?;
-        Ok(Self { data, settings, resampling, test, first, n_rows })
+        Ok(Self { data, settings, resampling, test: settings.test()?, first, n_rows })
     }
 
     pub(super) fn block_lengths(&self) -> Vec<usize> {

@@ -90,8 +90,7 @@ impl<'a> Summary<'a> {
         let mut mark_frequency = BTreeMap::new();
         for (mark, counts) in MARKS.iter().zip(&self.counts) {
             if counts.iter().any(|&count| count > 0) {
-                let shares = nested(&vars, n_lags, |at| self.share(counts[at]));
-                mark_frequency.insert(*mark, shares);
+                mark_frequency.insert(*mark, nested(&vars, n_lags, |at| self.share(counts[at])));
             }
         }
         Confidence {

@@ -74,10 +74,7 @@ impl Axis {
 
 /// A tick with as many decimals as tell it from its neighbours.
 fn number(tick: f64, ticks: &[f64]) -> String {
-    let step = match ticks {
-        [a, b, ..] => b - a,
-        _ => tick.abs().max(1.0),
-    };
+    let step = if let [a, b, ..] = ticks { b - a } else { tick.abs().max(1.0) };
     let largest = ticks.iter().fold(0.0_f64, |most, tick| most.max(tick.abs()));
     if largest >= 1e6 || (largest > 0.0 && largest < 1e-3) {
         return format!("{tick:.1e}");

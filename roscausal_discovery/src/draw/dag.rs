@@ -91,9 +91,7 @@ fn picture(model: &Model, matrix: Option<Matrix<'_>>) -> String {
     }
     let between: Vec<(&Maybe, &Route)> = maybes.iter().zip(plan.routes.iter().skip(arrows.len())).collect();
     draw_maybes(&mut svg, &between, &model.features, moved);
-    for (name, at) in model.features.iter().zip(&plan.nodes) {
-        variable(&mut svg, moved(at), name);
-    }
+    model.features.iter().zip(&plan.nodes).for_each(|(name, at)| variable(&mut svg, moved(at), name));
     if let Some(matrix) = matrix {
         matrix.draw(&mut svg, MARGIN.plus(plan.width + 40.0, 0.0));
     }

@@ -20,9 +20,7 @@ pub fn pdf(svg: &str) -> Result<Vec<u8>> {
 /// same bytes each time. No length changes, so the file's table of offsets stays true.
 fn with_sorted_resources(file: &[u8]) -> Vec<u8> {
     let mut lines: Vec<&[u8]> = file.split_inclusive(|byte| *byte == b'\n').collect();
-    for run in lines.chunk_by_mut(|one, next| is_resource(one) && is_resource(next)) {
-        run.sort_unstable();
-    }
+    lines.chunk_by_mut(|one, next| is_resource(one) && is_resource(next)).for_each(|run| run.sort_unstable());
     lines.concat()
 }
 

@@ -68,8 +68,7 @@ pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> Str
         }
         svg.raw(&format!("<path d=\"{path}\" fill=\"none\" stroke=\"#1d4ed8\" stroke-width=\"1.3\"/>"));
     }
-    let below = 30.0 + STRIP * names.len() as f64 - 0.1 * STRIP;
-    time.draw_below(&mut svg, below, 8);
+    time.draw_below(&mut svg, 30.0 + STRIP * names.len() as f64 - 0.1 * STRIP, 8);
     let unit = if dt.is_some() { "time in s" } else { "time in steps" };
     svg.text(Point::new((LEFT + right) / 2.0, height - 8.0), 12.0, "middle", INK, unit);
     let notes = [

@@ -155,8 +155,7 @@ impl Stroke {
     pub(super) fn of(model: &Model, link: &Link, confidence: Option<f64>, mark: LinkMark) -> Self {
         let stroke =
             Self::of_link(link.drawn_strength(), link.p_value.unwrap_or(0.0), model.smallest_p(), mark);
-        let colour = if model.has_sign() { stroke.colour } else { UNSIGNED };
-        let stroke = Self { colour, ..stroke };
+        let stroke = Self { colour: if model.has_sign() { stroke.colour } else { UNSIGNED }, ..stroke };
         match confidence {
             Some(share) => Self { dash: dash_of_share(share), opacity: opacity(share), ..stroke },
             None => stroke,

@@ -44,9 +44,7 @@ pub fn tsdag(model: &Model) -> String {
             }
         }
     }
-    for (at, colour, share) in numbers {
-        svg.label(at, 11.0, colour, &format!("{share:.2}"));
-    }
+    numbers.into_iter().for_each(|(at, colour, share)| svg.label(at, 11.0, colour, &format!("{share:.2}")));
     for (row, name) in model.features.iter().enumerate() {
         svg.text(Point::new(16.0, place(row, 0).y + 5.0), 14.0, "start", INK, &display(name));
         for lag in 0..columns {

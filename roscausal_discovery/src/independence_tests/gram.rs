@@ -123,8 +123,7 @@ impl Correlations {
             }
             r[i * n_nodes + i] = if scale[i] == 0.0 { 0.0 } else { 1.0 };
         }
-        let constant = scale.iter().map(|&s| s == 0.0).collect();
-        Self { n_lags, n_nodes, r, constant }
+        Self { n_lags, n_nodes, r, constant: scale.iter().map(|&s| s == 0.0).collect() }
     }
 
     /// Row of a node.

@@ -135,7 +135,7 @@ impl PreparedTest for Prepared<'_> {
         let g = g_statistic(&levels(&xs), &levels(&ys), &stratum, corrected);
         self.sparse.count(xs.len(), g.dof, ENOUGH);
         let mut resampling = Resampling {
-            rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw()), x, y, z),
+            rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw), x, y, z),
             control: self.samples.control(),
         };
         let p_value = match self.test.significance {

@@ -94,8 +94,7 @@ impl Incomplete {
         }
         let by_difference = || {
             let all = self.all_sums(nodes);
-            let part = all.minus(&self.sum(nodes, &left_out, true));
-            part.normalized(n, &all)
+            all.minus(&self.sum(nodes, &left_out, true)).normalized(n, &all)
         };
         let by_sum = || {
             let part = self.sum(nodes, &left_out, false);
@@ -138,8 +137,7 @@ impl Incomplete {
                 nodes.iter().map(|&node| self.window(recording, node)).collect();
             let Some(windows) = windows else { continue };
             let len = windows.first().map_or(0, |window| window.len());
-            let chosen = places(bits, set, len);
-            for block in chosen.chunks(BLOCK) {
+            for block in places(bits, set, len).chunks(BLOCK) {
                 for (row, window) in rows.iter_mut().zip(&windows) {
                     row.clear();
                     row.extend(block.iter().map(|&t| window[t]));

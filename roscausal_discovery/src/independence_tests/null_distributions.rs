@@ -40,10 +40,7 @@ impl NullDistributions {
                 return fail(format!("there are two distributions for {size} samples"));
             }
         }
-        if all.is_empty() {
-            return fail("there is no distribution".to_owned());
-        }
-        Ok(Self(all))
+        if all.is_empty() { fail("there is no distribution".to_owned()) } else { Ok(Self(all)) }
     }
 
     /// Reads a table separated by commas: the first row has the numbers of samples, each column below the values for one. Columns

@@ -307,7 +307,7 @@ impl PreparedTest for Prepared<'_> {
         };
         result.value = value;
         let mut resampling = Resampling {
-            rng: Rng::for_test(seed_of_draw(test.seed, self.samples.data().draw()), x, y, z),
+            rng: Rng::for_test(seed_of_draw(test.seed, self.samples.data().draw), x, y, z),
             control: self.samples.control(),
         };
         result.p_value = match (test.significance, &rows) {

@@ -66,7 +66,7 @@ impl Autoregression {
         lags: std::ops::RangeInclusive<usize>,
         constant: bool,
     ) -> Result<Self> {
-        let n_vars = rows.n_vars();
+        let n_vars = rows.n_vars;
         let causes: Vec<Node> =
             lags.flat_map(|lag| (0..n_vars).map(move |var| Node::new(var, lag))).collect();
         let columns: Vec<&[f64]> = causes.iter().map(|&node| rows.column(node)).collect();
@@ -79,7 +79,7 @@ impl Autoregression {
                 rows.len(),
                 needed - 1,
                 Named("tau_max"),
-                if rows.n_lost() > 0 { " (samples with a missing value are left out)" } else { "" }
+                if rows.n_lost > 0 { " (samples with a missing value are left out)" } else { "" }
             )));
         }
         let fit = LeastSquares::new(&columns, &targets, constant);
@@ -93,7 +93,7 @@ impl Autoregression {
 
     /// The coefficients `[cause][effect][lag 0..=lags]`; 0 at lag 0.
     pub(super) fn coefficients(&self, lags: usize) -> Array3<f64> {
-        let n = self.rows.n_vars();
+        let n = self.rows.n_vars;
         let mut coefficients = Array3::zeros((n, n, lags + 1));
         for (k, cause) in self.causes.iter().enumerate() {
             (0..n).for_each(|effect| {
@@ -105,13 +105,13 @@ impl Autoregression {
 
     /// The score of the number of lags.
     pub(super) fn score(&self, criterion: Criterion) -> f64 {
-        let parameters = self.rows.n_vars() * (self.causes.len() + usize::from(self.constant));
+        let parameters = self.rows.n_vars * (self.causes.len() + usize::from(self.constant));
         criterion.score(self.fit.ln_det(), self.rows.len(), parameters)
     }
 
     /// What is left of the variables, one column each.
     pub(super) fn residuals(&self) -> Vec<Vec<f64>> {
-        let n_vars = self.rows.n_vars();
+        let n_vars = self.rows.n_vars;
         let of = |target: usize| {
             let mut left = self.rows.column(Node::new(target, 0)).to_vec();
             for (k, &cause) in self.causes.iter().enumerate() {

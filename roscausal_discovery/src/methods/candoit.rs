@@ -143,9 +143,8 @@ fn assumptions(n_vars: usize, tau_max: usize, interventions: &[Intervened]) -> R
             // What it acts on was not recorded: it may drive what follows from that.
             None => {
                 for effect in (0..n_vars).filter(|&var| !is_context(var)) {
-                    for lag in 0..=tau_max {
-                        links.insert(one.context, effect, lag, Assumption::Test)?;
-                    }
+                    (0..=tau_max)
+                        .try_for_each(|lag| links.insert(one.context, effect, lag, Assumption::Test))?;
                 }
             }
         }

@@ -139,7 +139,7 @@ impl GrangerSettings {
 
 /// All tests of the regression; the links are still to be decided.
 fn tested(regression: &Autoregression, settings: &GrangerSettings, lags: usize) -> GrangerResult {
-    let (fit, n) = (&regression.fit, regression.rows.n_vars());
+    let (fit, n) = (&regression.fit, regression.rows.n_vars);
     let lags_of_pair = lags + 1 - settings.tau_min;
     let shape = (n, n, settings.tau_max + 1);
     let scores =
@@ -178,7 +178,7 @@ fn tested(regression: &Autoregression, settings: &GrangerSettings, lags: usize) 
 
 /// Marks the links: lags at the level of pairs at the level.
 fn decide(result: &mut GrangerResult, regression: &Autoregression, settings: &GrangerSettings) {
-    let n = regression.rows.n_vars();
+    let n = regression.rows.n_vars;
     let tested = |effect: &usize| !settings.exogenous.contains(effect);
     let of_pairs = result.fp_matrix.clone().insert_axis(ndarray::Axis(2));
     let wanted = Array3::from_shape_fn(of_pairs.dim(), |(_, effect, _)| tested(&effect));

@@ -25,8 +25,7 @@ pub(crate) fn unshielded_triples(graph: &Array3<LinkMark>) -> Vec<Triple> {
         for k in (0..n_vars).filter(|&k| graph[[k, j, 0]] == LinkMark::Unoriented) {
             for i in 0..n_vars {
                 for lag in 0..n_lags {
-                    let to_k = graph[[i, k, lag]];
-                    let adjacent = match to_k {
+                    let adjacent = match graph[[i, k, lag]] {
                         LinkMark::Forward => true,
                         LinkMark::Unoriented => i > j,
                         _ => false,
@@ -104,8 +103,7 @@ fn away_from_collider(graph: &Array3<LinkMark>, ambiguous: &[Triple]) -> Vec<(us
 fn acyclic(graph: &Array3<LinkMark>, _: &[Triple]) -> Vec<(usize, usize)> {
     unoriented(graph)
         .filter(|&(i, j)| {
-            let n_vars = graph.dim().0;
-            (0..n_vars)
+            (0..graph.dim().0)
                 .any(|k| graph[[i, k, 0]] == LinkMark::Forward && graph[[k, j, 0]] == LinkMark::Forward)
         })
         .collect()

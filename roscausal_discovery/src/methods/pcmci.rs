@@ -264,8 +264,7 @@ pub(crate) fn with_run(
     let samples = Samples::new(data, settings.cut_off()).with_control(control.clone());
     let mut result = PcmciResult::untested(data.n_vars(), settings.tau_max, samples.len());
     let run = Run::new(test, &samples)?;
-    let links = settings.links(data.n_vars());
-    if body(&run, &links, &mut result)? {
+    if body(&run, &settings.links(data.n_vars()), &mut result)? {
         let (done, n) = (run.n_tests(), control.estimated_total());
         result.status =
             Status::Partial(format!("the time budget ended the run after {done} of about {n} tests"));

@@ -6,6 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::types::{Error, Result};
 
+use Reads::{
+    ActsOn, ExtraConditions, FAlpha, Fdr, MaxConds, MaxSets, NeglectOnlyAutodep, Orientation, PcAlpha,
+    TeEstimator,
+};
+
 /// A method of causal discovery.
 ///
 /// ```
@@ -144,172 +149,84 @@ const USUAL: MethodInfo = MethodInfo {
 };
 
 /// All methods, in the order of the enum: one entry each, which says how the method differs from the usual.
-const METHODS: [MethodInfo; 14] = {
-    use Reads::{
-        ActsOn, ExtraConditions, FAlpha, Fdr, MaxConds, MaxSets, NeglectOnlyAutodep, Orientation, PcAlpha,
-        TeEstimator,
+macro_rules! methods {
+    ($($method:ident $name:literal $($key:ident: $value:expr),+;)+) => {
+        const METHODS: [MethodInfo; [$($name),+].len()] =
+            [$(MethodInfo { method: Method::$method, name: $name, $($key: $value,)+ ..USUAL }),+];
     };
-    const OF_FILTER: &[Reads] = &[PcAlpha, MaxConds, Fdr, FAlpha, TeEstimator, NeglectOnlyAutodep];
-    [
-        MethodInfo {
-            method: Method::Fpcmci,
-            name: "fpcmci",
-            reads: OF_FILTER,
-            lag_zero: false,
-            says: "lagged links",
-            cost: "as pcmci on the variables that its filter keeps",
-            take_it: "when some variables may have no part in the system, and with a slow test",
-            ..USUAL
-        },
-        MethodInfo { method: Method::Pcmci, name: "pcmci", reads: &[PcAlpha, MaxConds, Fdr], ..USUAL },
-        MethodInfo {
-            method: Method::Pcmciplus,
-            name: "pcmciplus",
-            aliases: &["pcmci+"],
-            tau_min: 0,
-            pc_alpha: 0.01,
-            one_level: true,
-            reads: &[PcAlpha, MaxConds, Fdr, Orientation],
-            says: "lagged links; links at lag 0 with a direction where the data have one",
-            cost: "as pcmci, and sets of neighbours at lag 0",
-            take_it: "when effects follow faster than the samples",
-            ..USUAL
-        },
-        MethodInfo {
-            method: Method::Fullci,
-            name: "fullci",
-            reads: &[Fdr],
-            cost: "N^2 p tests of N p conditions",
-            take_it: "with few variables and many samples, to compare",
-            ..USUAL
-        },
-        MethodInfo {
-            method: Method::Bivci,
-            name: "bivci",
-            reads: &[Fdr],
-            assumes: "no third variable drives two others",
-            says: "pairs",
-            cost: "N^2 p tests of p conditions",
-            take_it: "as the Granger test of two variables",
-            ..USUAL
-        },
-        MethodInfo {
-            method: Method::Lagdep,
-            name: "lagdep",
-            aliases: &["laggeddependencies"],
-            reads: &[Fdr],
-            assumes: "nothing",
-            says: "dependencies, not links",
-            cost: "N^2 p tests without conditions",
-            take_it: "to choose tau_max before anything else",
-            ..USUAL
-        },
-        MethodInfo {
-            method: Method::Granger,
-            name: "granger",
-            reads: &[Fdr],
-            lag_zero: false,
-            uses_test: false,
-            assumes: "all common causes recorded; linear effects, none within a sample",
-            says: "lagged links",
-            cost: "one regression, T (N p)^2",
-            take_it: "as the baseline, with few variables and many samples",
-            ..USUAL
-        },
-        MethodInfo {
-            method: Method::Varlingam,
-            name: "varlingam",
-            tau_min: 0,
-            uses_test: false,
-            models_lag_zero: true,
-            assumes: "all common causes recorded; linear effects, noise that is not Gaussian, no cycle within a sample",
-            says: "lagged links; links at lag 0, all with a direction",
-            cost: "T N^3 and T (N p)^2",
-            take_it: "where pcmciplus leaves lag 0 without a direction and the noise is far from Gaussian",
-            ..USUAL
-        },
-        MethodInfo {
-            method: Method::Dynotears,
-            name: "dynotears",
-            tau_min: 0,
-            p_values: false,
-            uses_test: false,
-            models_lag_zero: true,
-            assumes: "all common causes recorded; linear effects, noise of equal size, no cycle within a sample",
-            says: "weights, lagged and at lag 0; no p-values",
-            cost: "T (N p)^2 once, then steps of N^3 p",
-            take_it: "to compare with results of others",
-            ..USUAL
-        },
-        MethodInfo {
-            method: Method::Timino,
-            name: "timino",
-            tau_min: 0,
-            assumes: "noise that is independent of the causes and added to their effect; its test names the model: parcorr a line, gpdc any smooth form",
-            says: "which variable drives which, and where it cannot tell; lags at which that shows",
-            cost: "N^2 regressions on N p causes",
-            take_it: "where effects are not linear or the noise is far from Gaussian, and no answer is better than a wrong one",
-            ..USUAL
-        },
-        MethodInfo {
-            method: Method::Lpcmci,
-            name: "lpcmci",
-            tau_min: 0,
-            pc_alpha: 0.05,
-            one_level: true,
-            reads: &[PcAlpha, MaxConds, MaxSets],
-            hidden_causes: true,
-            assumes: "the system does not change, and no sample was selected",
-            says: "causes, non-causes and hidden common causes, at lag 0 and later; where it cannot tell",
-            cost: "some ten times pcmciplus",
-            take_it: "when not everything was recorded",
-            ..USUAL
-        },
-        MethodInfo {
-            method: Method::Candoit,
-            name: "candoit",
-            tau_min: 0,
-            pc_alpha: 0.05,
-            one_level: true,
-            reads: &[PcAlpha, MaxConds, MaxSets, ExtraConditions, ActsOn],
-            hidden_causes: true,
-            assumes: "as lpcmci; each intervention has a column: the imposed value, or 0",
-            says: "as lpcmci; interventions tell causes from common causes",
-            cost: "as lpcmci, with a column for each intervention",
-            take_it: "when something was imposed for a while, such as a robot that stood still",
-            ..USUAL
-        },
-        MethodInfo {
-            method: Method::Tsfci,
-            name: "tsfci",
-            tau_min: 0,
-            pc_alpha: 0.05,
-            one_level: true,
-            reads: &[PcAlpha, MaxConds],
-            hidden_causes: true,
-            assumes: "as lpcmci",
-            says: "as lpcmci, with fewer links where variables depend on their own past",
-            cost: "doubles with each variable and lag",
-            take_it: "to compare with results of others",
-            ..USUAL
-        },
-        MethodInfo {
-            method: Method::Jpcmciplus,
-            name: "jpcmciplus",
-            aliases: &["jpcmci+"],
-            tau_min: 0,
-            pc_alpha: 0.01,
-            one_level: true,
-            test: "parcorr",
-            reads: &[PcAlpha, MaxConds, Fdr, Orientation],
-            assumes: "all common causes recorded but what is constant in a recording; linear effects, the same in all recordings",
-            says: "as pcmciplus; what several recordings differ in makes no link",
-            cost: "as pcmciplus, three times",
-            take_it: "when several people, robots or days are pooled",
-            ..USUAL
-        },
-    ]
-};
+}
+
+const OF_FILTER: &[Reads] = &[PcAlpha, MaxConds, Fdr, FAlpha, TeEstimator, NeglectOnlyAutodep];
+
+methods! {
+    Fpcmci "fpcmci" reads: OF_FILTER, lag_zero: false,
+        says: "lagged links",
+        cost: "as pcmci on the variables that its filter keeps",
+        take_it: "when some variables may have no part in the system, and with a slow test";
+    Pcmci "pcmci" reads: &[PcAlpha, MaxConds, Fdr];
+    Pcmciplus "pcmciplus" aliases: &["pcmci+"], tau_min: 0, pc_alpha: 0.01, one_level: true,
+        reads: &[PcAlpha, MaxConds, Fdr, Orientation],
+        says: "lagged links; links at lag 0 with a direction where the data have one",
+        cost: "as pcmci, and sets of neighbours at lag 0",
+        take_it: "when effects follow faster than the samples";
+    Fullci "fullci" reads: &[Fdr],
+        cost: "N^2 p tests of N p conditions",
+        take_it: "with few variables and many samples, to compare";
+    Bivci "bivci" reads: &[Fdr],
+        assumes: "no third variable drives two others",
+        says: "pairs",
+        cost: "N^2 p tests of p conditions",
+        take_it: "as the Granger test of two variables";
+    Lagdep "lagdep" aliases: &["laggeddependencies"], reads: &[Fdr],
+        assumes: "nothing",
+        says: "dependencies, not links",
+        cost: "N^2 p tests without conditions",
+        take_it: "to choose tau_max before anything else";
+    Granger "granger" reads: &[Fdr], lag_zero: false, uses_test: false,
+        assumes: "all common causes recorded; linear effects, none within a sample",
+        says: "lagged links",
+        cost: "one regression, T (N p)^2",
+        take_it: "as the baseline, with few variables and many samples";
+    Varlingam "varlingam" tau_min: 0, uses_test: false, models_lag_zero: true,
+        assumes: "all common causes recorded; linear effects, noise that is not Gaussian, no cycle within a sample",
+        says: "lagged links; links at lag 0, all with a direction",
+        cost: "T N^3 and T (N p)^2",
+        take_it: "where pcmciplus leaves lag 0 without a direction and the noise is far from Gaussian";
+    Dynotears "dynotears" tau_min: 0, p_values: false, uses_test: false, models_lag_zero: true,
+        assumes: "all common causes recorded; linear effects, noise of equal size, no cycle within a sample",
+        says: "weights, lagged and at lag 0; no p-values",
+        cost: "T (N p)^2 once, then steps of N^3 p",
+        take_it: "to compare with results of others";
+    Timino "timino" tau_min: 0,
+        assumes: "noise that is independent of the causes and added to their effect; its test names the model: parcorr a line, gpdc any smooth form",
+        says: "which variable drives which, and where it cannot tell; lags at which that shows",
+        cost: "N^2 regressions on N p causes",
+        take_it: "where effects are not linear or the noise is far from Gaussian, and no answer is better than a wrong one";
+    Lpcmci "lpcmci" tau_min: 0, pc_alpha: 0.05, one_level: true,
+        reads: &[PcAlpha, MaxConds, MaxSets], hidden_causes: true,
+        assumes: "the system does not change, and no sample was selected",
+        says: "causes, non-causes and hidden common causes, at lag 0 and later; where it cannot tell",
+        cost: "some ten times pcmciplus",
+        take_it: "when not everything was recorded";
+    Candoit "candoit" tau_min: 0, pc_alpha: 0.05, one_level: true,
+        reads: &[PcAlpha, MaxConds, MaxSets, ExtraConditions, ActsOn], hidden_causes: true,
+        assumes: "as lpcmci; each intervention has a column: the imposed value, or 0",
+        says: "as lpcmci; interventions tell causes from common causes",
+        cost: "as lpcmci, with a column for each intervention",
+        take_it: "when something was imposed for a while, such as a robot that stood still";
+    Tsfci "tsfci" tau_min: 0, pc_alpha: 0.05, one_level: true,
+        reads: &[PcAlpha, MaxConds], hidden_causes: true,
+        assumes: "as lpcmci",
+        says: "as lpcmci, with fewer links where variables depend on their own past",
+        cost: "doubles with each variable and lag",
+        take_it: "to compare with results of others";
+    Jpcmciplus "jpcmciplus" aliases: &["jpcmci+"], tau_min: 0, pc_alpha: 0.01, one_level: true, test: "parcorr",
+        reads: &[PcAlpha, MaxConds, Fdr, Orientation],
+        assumes: "all common causes recorded but what is constant in a recording; linear effects, the same in all recordings",
+        says: "as pcmciplus; what several recordings differ in makes no link",
+        cost: "as pcmciplus, three times",
+        take_it: "when several people, robots or days are pooled";
+}
 
 impl Method {
     /// All methods.

@@ -141,7 +141,7 @@ impl PcmciResult {
 
     /// All entries from lag `tau_min` on rest on one fit to the rows that are complete.
     pub(crate) fn all_rest_on(&mut self, rows: &CompleteRows, tau_min: usize) {
-        let samples = SampleCount { used: rows.len(), lost: rows.n_lost() };
+        let samples = SampleCount { used: rows.len(), lost: rows.n_lost };
         for ((cause, effect, lag), entry) in self.samples.indexed_iter_mut() {
             *entry = (lag >= tau_min && (lag > 0 || cause != effect)).then_some(samples);
         }

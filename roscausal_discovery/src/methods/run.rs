@@ -148,7 +148,7 @@ impl<'a> Run<'a> {
     /// What the reader should know about each variable given the parents that were found, in the order of the variables, and about
     /// all tests.
     pub(crate) fn remarks(&self, parents: &[Vec<Node>]) -> Result<Vec<String>> {
-        if self.control().is_silent() {
+        if self.control().silent {
             return Ok(Vec::new());
         }
         let regressed = self.conditioned.load(Ordering::Relaxed);

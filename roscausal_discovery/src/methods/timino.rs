@@ -190,7 +190,7 @@ type WithOther = Vec<(f64, f64)>;
 impl Models<'_> {
     fn check(&self) -> Result<()> {
         let of_one = self.settings.tau_max + 1 - self.settings.tau_min;
-        let needed = self.settings.tau_max + (self.rows.n_vars() - 1) * of_one + 2;
+        let needed = self.settings.tau_max + (self.rows.n_vars - 1) * of_one + 2;
         if self.rows.len() >= needed {
             return Ok(());
         }
@@ -260,7 +260,7 @@ impl Models<'_> {
     /// Puts variables last, one after the other, as long as the rest of one is independent of those that remain.
     fn order(&self, result: &mut TiminoResult) -> Result<()> {
         let is_exogenous = |var: &usize| self.settings.exogenous.contains(var);
-        let mut left: BTreeSet<usize> = (0..self.rows.n_vars()).collect();
+        let mut left: BTreeSet<usize> = (0..self.rows.n_vars).collect();
         result.undecided = left.iter().copied().filter(|var| !is_exogenous(var)).collect();
         while left.len() > 1 && !result.undecided.is_empty() {
             let candidates = result.undecided.clone();
@@ -285,7 +285,7 @@ impl Models<'_> {
 
     /// The causes of each variable among those before it.
     fn causes(&self, result: &mut TiminoResult) -> Result<()> {
-        let mut before: BTreeSet<usize> = (0..self.rows.n_vars()).collect();
+        let mut before: BTreeSet<usize> = (0..self.rows.n_vars).collect();
         for effect in result.last_first.clone() {
             before.remove(&effect);
             let others = before.clone();
@@ -320,7 +320,7 @@ impl Models<'_> {
     fn show(&self, result: &mut TiminoResult, cause: usize, effect: usize, rest: &[f64]) {
         let with = self.with(rest, cause);
         let lags = self.settings.tau_min..=self.settings.tau_max;
-        let samples = SampleCount { used: self.rows.len(), lost: self.rows.n_lost() };
+        let samples = SampleCount { used: self.rows.len(), lost: self.rows.n_lost };
         let mut strongest = (f64::NEG_INFINITY, self.settings.tau_min);
         let mut any = false;
         for lag in lags {

@@ -99,50 +99,32 @@ pub fn word_of(confidence: f64) -> &'static str {
 }
 
 /// The fields in a file: each is null without resamples.
-#[derive(Serialize, Deserialize)]
-struct Fields<T, M, S, G, A> {
-    #[serde(default = "none")]
-    resampling: Option<T>,
-    #[serde(default = "none")]
-    link_frequency: Option<S>,
-    #[serde(default = "none")]
-    mark_frequency: Option<M>,
-    #[serde(default = "none")]
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct InFile {
+    resampling: Option<ResamplingFacts>,
+    link_frequency: Option<Numbers>,
+    mark_frequency: Option<BTreeMap<LinkMark, Numbers>>,
     summary_frequency: Option<Vec<Vec<f64>>>,
-    #[serde(default = "none")]
-    majority_graph: Option<G>,
-    #[serde(default = "none")]
-    val_mean: Option<S>,
-    #[serde(default = "none")]
-    val_low: Option<S>,
-    #[serde(default = "none")]
-    val_high: Option<S>,
-    #[serde(default = "none")]
-    advice: Option<A>,
+    majority_graph: Option<Vec<Vec<Vec<LinkMark>>>>,
+    val_mean: Option<Numbers>,
+    val_low: Option<Numbers>,
+    val_high: Option<Numbers>,
+    advice: Option<Vec<Advice>>,
 }
 
-fn none<T>() -> Option<T> {
-    None
-}
-
-type InFile =
-    Fields<ResamplingFacts, BTreeMap<LinkMark, Numbers>, Numbers, Vec<Vec<Vec<LinkMark>>>, Vec<Advice>>;
+/// Their names, in their order.
+const FIELDS: [&str; 9] = [
+    "resampling", "link_frequency", "mark_frequency", "summary_frequency", "majority_graph", "val_mean",
+    "val_low", "val_high", "advice",
+];
 
 /// Writes the fields of a model.
 pub(super) fn serialize<S: Serializer>(of: &Option<Box<Confidence>>, to: S) -> Result<S::Ok, S::Error> {
-    let of = of.as_deref();
-    Fields {
-        resampling: of.map(|c| &c.resampling),
-        link_frequency: of.map(|c| &c.link_frequency),
-        mark_frequency: of.map(|c| &c.mark_frequency),
-        summary_frequency: of.map(|c| c.summary_frequency.clone()),
-        majority_graph: of.map(|c| &c.majority_graph),
-        val_mean: of.map(|c| &c.val_mean),
-        val_low: of.map(|c| &c.val_low),
-        val_high: of.map(|c| &c.val_high),
-        advice: of.map(|c| &c.advice),
+    match of {
+        Some(confidence) => confidence.serialize(to),
+        None => to.collect_map(FIELDS.map(|name| (name, ()))),
     }
-    .serialize(to)
 }
 
 /// Reads the fields of a model; `None` where the file has none, or null.

@@ -11,10 +11,7 @@ pub(crate) fn correlation_p_value(r: f64, dof: usize) -> f64 {
     if dof == 0 || r2.is_nan() {
         return 1.0;
     }
-    if r2 >= 1.0 {
-        return 0.0;
-    }
-    beta_tail(dof as f64 / 2.0, 1.0 - r2, r2)
+    if r2 >= 1.0 { 0.0 } else { beta_tail(dof as f64 / 2.0, 1.0 - r2, r2) }
 }
 
 /// Two-sided p-value of a Student `t` with `dof` degrees of freedom: `P(|T| >= |t|)`. One for `dof` = 0 or no number.

@@ -177,10 +177,7 @@ impl Setting {
 
     /// Whether a test reads it, or no test needs to.
     pub fn test_reads(&self, test: &str, how: Option<Significance>) -> bool {
-        match self.readers {
-            Readers::Tests { test: reads, .. } => reads(&spelled(test), how),
-            _ => true,
-        }
+        if let Readers::Tests { test: reads, .. } = self.readers { reads(&spelled(test), how) } else { true }
     }
 
     /// Why this method with this test does not read it; `None`: it does.

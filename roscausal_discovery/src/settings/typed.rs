@@ -195,10 +195,8 @@ impl Settings {
         for (setting, given) in [("exogenous", &self.exogenous), ("categories", &self.test.categories)] {
             if let Some(name) = given.iter().find(|name| names::position(data.var_names(), name).is_none()) {
                 let all = data.var_names().join(", ");
-                return Err(Error::param(
-                    setting,
-                    format!("there is no variable '{name}'; variables: {all}"),
-                ));
+                let reason = format!("there is no variable '{name}'; variables: {all}");
+                return Err(Error::param(setting, reason));
             }
         }
         self.check_required_links(data)

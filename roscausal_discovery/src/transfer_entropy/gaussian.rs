@@ -25,8 +25,8 @@ impl Gaussian {
     /// The correlation matrix of all variables at lags `0..=max_lag` over the window's samples.
     pub(super) fn new(window: &Window) -> Self {
         const CHUNK: usize = 2048;
-        let (n_vars, times) = (window.n_vars(), window.times());
-        let n_cols = n_vars * (window.max_lag() + 1);
+        let (n_vars, times) = (window.n_vars(), &window.times);
+        let n_cols = n_vars * (window.max_lag + 1);
         let node = |col: usize| Node::new(col % n_vars, col / n_vars);
         let n = times.len() as f64;
         let mean: Vec<f64> = (0..n_cols)
@@ -113,8 +113,7 @@ impl Estimator for Gaussian {
     }
 
     fn p_max(&self, value: f64, _target: Node, candidates: &[Node], _z: &[Node]) -> f64 {
-        let p = self.p_of_one(value);
-        -(candidates.len() as f64 * (-p).ln_1p()).exp_m1()
+        -(candidates.len() as f64 * (-self.p_of_one(value)).ln_1p()).exp_m1()
     }
 
     fn p_min(&self, value: f64, _target: Node, sources: &[Node], _past: &[Node]) -> f64 {

@@ -34,7 +34,7 @@ pub(super) struct Kraskov<'a> {
 impl<'a> Kraskov<'a> {
     pub(super) fn new(window: &Window, seed: u64, control: &'a Control) -> Self {
         let n_vars = window.n_vars();
-        let columns = (0..n_vars * (window.max_lag() + 1))
+        let columns = (0..n_vars * (window.max_lag + 1))
             .map(|i| {
                 let node = Node::new(i % n_vars, i / n_vars);
                 let mut column = window.column(node);

@@ -80,10 +80,10 @@ impl TransferEntropy {
                 Box::new(Gaussian::new(&window))
             }
             TeEstimator::Kraskov => {
-                Box::new(Kraskov::new(&window, seed_of_draw(self.seed, data.draw()), control))
+                Box::new(Kraskov::new(&window, seed_of_draw(self.seed, data.draw), control))
             }
         };
-        let n_samples = window.times().len();
+        let n_samples = window.times.len();
         let selection = Selection {
             estimator: estimator.as_ref(),
             alpha: self.alpha,
@@ -101,7 +101,7 @@ impl TransferEntropy {
             Ok(found)
         };
         let targets = (0..data.n_vars()).into_par_iter().map(of_target).collect::<Result<Vec<_>>>()?;
-        Ok(TeResult { targets, n_samples, n_lost: window.n_lost() })
+        Ok(TeResult { targets, n_samples, n_lost: window.n_lost })
     }
 
     fn check(&self) -> Result<()> {

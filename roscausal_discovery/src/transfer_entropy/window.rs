@@ -13,10 +13,11 @@ const MIN_SAMPLES: usize = 10;
 /// times.
 pub(super) struct Window<'a> {
     data: &'a DataFrame,
-    max_lag: usize,
+    pub(super) max_lag: usize,
     /// Recording and row of each sample.
-    times: Vec<(usize, usize)>,
-    n_lost: usize,
+    pub(super) times: Vec<(usize, usize)>,
+    /// Times left out because a value was missing.
+    pub(super) n_lost: usize,
     /// Powers of two by which values are multiplied, so that no square overflows or vanishes.
     units: Vec<f64>,
 }
@@ -57,19 +58,6 @@ impl<'a> Window<'a> {
         self.data.n_vars()
     }
 
-    pub(super) fn max_lag(&self) -> usize {
-        self.max_lag
-    }
-
-    pub(super) fn times(&self) -> &[(usize, usize)] {
-        &self.times
-    }
-
-    /// Times left out because a value was missing.
-    pub(super) fn n_lost(&self) -> usize {
-        self.n_lost
-    }
-
     /// A value, in units of a power of two.
     pub(super) fn value(&self, (recording, row): (usize, usize), node: Node) -> f64 {
         self.units[node.var] * self.data.recordings()[recording][[row - node.lag, node.var]]
@@ -101,8 +89,8 @@ mod tests {
         let data =
             DataFrame::new(vec![recording(8), second], vec!["a".into(), "b".into()]).expect("is a frame");
         let window = Window::new(&data, 2).expect("is long enough");
-        assert_eq!((window.times().len(), window.n_lost()), (6 + 7, 3));
-        assert!(window.times().iter().all(|&(k, t)| t >= 2 && (k == 0 || !(5..=7).contains(&t))));
+        assert_eq!((window.times.len(), window.n_lost), (6 + 7, 3));
+        assert!(window.times.iter().all(|&(k, t)| t >= 2 && (k == 0 || !(5..=7).contains(&t))));
         assert_eq!(window.value((1, 9), Node::new(1, 2)), 71.0 * window.units[1]);
     }
 

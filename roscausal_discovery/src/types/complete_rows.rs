@@ -7,27 +7,18 @@ use super::node::Node;
 /// For example two variables at lags 0 and 1 are four columns; a recording of 100 rows gives 99 samples.
 #[derive(Clone, Debug)]
 pub(crate) struct CompleteRows {
-    pub(super) n_vars: usize,
+    /// Number of variables.
+    pub(crate) n_vars: usize,
     /// By lag, then variable.
     pub(super) columns: Vec<Vec<f64>>,
     /// Samples left out.
-    pub(super) n_lost: usize,
+    pub(crate) n_lost: usize,
 }
 
 impl CompleteRows {
     /// Number of samples.
     pub(crate) fn len(&self) -> usize {
         self.columns.first().map_or(0, Vec::len)
-    }
-
-    /// Number of variables.
-    pub(crate) fn n_vars(&self) -> usize {
-        self.n_vars
-    }
-
-    /// Samples left out because something was missing.
-    pub(crate) fn n_lost(&self) -> usize {
-        self.n_lost
     }
 
     /// The samples of a node; its lag is at most the cut-off of the samples.

@@ -54,7 +54,8 @@ pub struct Control {
     on_progress: Option<OnProgress>,
     out_of_time: Option<OutOfTime>,
     cancel: Option<Arc<AtomicBool>>,
-    silent: bool,
+    /// Whether nobody reads words on what is found.
+    pub(crate) silent: bool,
     state: Arc<State>,
 }
 
@@ -126,20 +127,12 @@ impl Control {
     /// # Errors
     /// [`Error::Cancelled`].
     pub(crate) fn check_cancelled(&self) -> Result<()> {
-        match self.stop() {
-            Some(Stop::Cancelled) => self.check(),
-            _ => Ok(()),
-        }
+        if let Some(Stop::Cancelled) = self.stop() { self.check() } else { Ok(()) }
     }
 
     /// The same time budget and cancellation, with a count of its own that nobody is told, and without words on what is found.
     pub(crate) fn silent(&self) -> Self {
         Self { on_progress: None, state: Arc::default(), silent: true, ..self.clone() }
-    }
-
-    /// Whether nobody reads words on what is found.
-    pub(crate) fn is_silent(&self) -> bool {
-        self.silent
     }
 
     /// Tests done so far by all runs under this control.

@@ -73,7 +73,7 @@ pub struct DataFrame {
     /// The times that are samples, by recording; `None`: all.
     times: Option<Arc<Vec<Vec<usize>>>>,
     /// Tells apart the draws of times from one data frame; 0: none was drawn.
-    draw: u64,
+    pub(crate) draw: u64,
     /// The further components of variables; `None`: each is one column.
     vectors: Option<Vectors>,
     /// What recordings of one time have in common; `None`: nothing.
@@ -87,9 +87,8 @@ impl DataFrame {
     /// No recording, no variable, shapes that do not match, or an infinite value.
     pub fn new(recordings: Vec<Array2<f64>>, var_names: Vec<String>) -> Result<Self> {
         if recordings.is_empty() || var_names.is_empty() {
-            return Err(Error::Data(
-                "no data: give at least one recording with at least one variable".into(),
-            ));
+            let reason = "no data: give at least one recording with at least one variable";
+            return Err(Error::Data(reason.into()));
         }
         for (i, recording) in recordings.iter().enumerate() {
             if recording.ncols() != var_names.len() {
@@ -194,11 +193,6 @@ impl DataFrame {
     /// The listed times of a recording; `None`: all.
     pub(crate) fn times(&self, recording: usize) -> Option<&[usize]> {
         self.times.as_ref().map(|times| times[recording].as_slice())
-    }
-
-    /// The number of the draw that chose the times; 0: none was drawn.
-    pub(crate) fn draw(&self) -> u64 {
-        self.draw
     }
 
     /// Treats every value that equals `flag` as missing. The further components of vectors keep theirs.

@@ -148,10 +148,9 @@ pub fn reason_of(error: impl Display) -> String {
 }
 
 fn cut(text: &str, longest: usize) -> String {
-    match text.char_indices().nth(longest) {
-        Some((end, _)) => format!("{}...", &text[..end]),
-        None => text.to_owned(),
-    }
+    text.char_indices()
+        .nth(longest)
+        .map_or_else(|| text.to_owned(), |(end, _)| format!("{}...", &text[..end]))
 }
 
 #[cfg(test)]

@@ -108,8 +108,7 @@ impl<M: Middleware> Publisher<M> {
     pub fn publish_step(&mut self, simulation: &Simulation, stamp: Time) -> Result<()> {
         let mut transforms = Vec::new();
         for (robot, topics) in simulation.robots.iter().zip(&self.robots) {
-            let measured = self.sensors.robot(robot);
-            topics.publish(robot, measured, stamp, &mut transforms)?;
+            topics.publish(robot, self.sensors.robot(robot), stamp, &mut transforms)?;
         }
         self.tf.publish(&TFMessage { transforms })?;
         self.publish_people(simulation, stamp)?;

@@ -249,8 +249,7 @@ fn place(world: &World, name: &str, p: Vec2, from: Option<Vec2>, arrival: f64) -
     if !p.is_finite() {
         return Err(Error::param(name, format!("{at} is not a finite place")));
     }
-    let clearance = world.clearance(p) + arrival;
-    if clearance < 0.3 {
+    if world.clearance(p) + arrival < 0.3 {
         let reason = format!("{at} is inside a wall or nearer than 0.3 m to one; move it into free space");
         return Err(Error::param(name, reason));
     }

@@ -33,8 +33,7 @@ impl Scenario {
     /// A file that cannot be read, or a field that is unknown, of the wrong type or not allowed; with line and
     /// column.
     pub fn from_file(path: &Path) -> Result<Self> {
-        let text = bounded::read_settings(path)?;
-        Self::from_toml(&text, path)
+        Self::from_toml(&bounded::read_settings(path)?, path)
     }
 
     /// Reads and checks a scenario from text; `path` is only used in errors.

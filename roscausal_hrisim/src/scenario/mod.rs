@@ -35,37 +35,29 @@ pub enum Plan {
 roscausal_core::with_defaults! {
     /// A scenario; `Scenario::default()` is `thor`.
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields)]
+    #[serde(default, deny_unknown_fields)]
     pub struct Scenario {
         /// Name, for files and reports.
         #[serde(default)]
         pub name: String = "thor".to_owned(),
         /// Who goes where.
-        #[serde(default)]
         pub plan: Plan = Plan::Thor,
         /// Name of a built-in map.
-        #[serde(default = "default_map")]
-        pub map: String = default_map(),
+        pub map: String = "hall".to_owned(),
         /// Walls `[x1, y1, x2, y2]` instead of a built-in map, metres.
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        #[serde(skip_serializing_if = "Vec::is_empty")]
         pub walls: Vec<[f64; 4]> = Vec::new(),
         /// Simulated time, seconds.
-        #[serde(default = "default_duration")]
-        pub duration: f64 = default_duration(),
+        pub duration: f64 = 300.0,
         /// Scripted (or teleoperated) people.
-        #[serde(default = "one")]
-        pub people: Vec<PersonSpec> = one(),
+        pub people: Vec<PersonSpec> = vec![PersonSpec::default()],
         /// Robots.
-        #[serde(default = "one")]
-        pub robots: Vec<RobotSpec> = one(),
+        pub robots: Vec<RobotSpec> = vec![RobotSpec::default()],
         /// Social-force pedestrians.
-        #[serde(default)]
         pub pedestrians: PedestrianSpec = PedestrianSpec::default(),
         /// Noise of the sensors.
-        #[serde(default)]
         pub noise: Noise = Noise::default(),
         /// Interventions, such as `robot.speed=0.2@60..90`.
-        #[serde(default)]
         pub interventions: Vec<Intervention> = Vec::new(),
     }
 }
@@ -182,16 +174,4 @@ impl Noise {
         robot_speed: 0.0,
         robot_turn: 0.0,
     };
-}
-
-fn default_map() -> String {
-    "hall".to_owned()
-}
-
-fn default_duration() -> f64 {
-    300.0
-}
-
-fn one<T: Default>() -> Vec<T> {
-    vec![T::default()]
 }

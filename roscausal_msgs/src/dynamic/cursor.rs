@@ -243,8 +243,7 @@ impl<'a> Cursor<'a> {
             kind => {
                 let size = usize::from(width(kind));
                 self.align(if size == 8 && matches!(kind, Kind::Time | Kind::Duration) { 4 } else { size });
-                let needed = size.saturating_mul(count as usize);
-                self.take(needed).map(|_| ())
+                self.take(size.saturating_mul(count as usize)).map(|_| ())
             }
         }
     }

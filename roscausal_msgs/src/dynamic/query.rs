@@ -104,8 +104,7 @@ impl Schema {
         let mut end = self.follow_in(from, path)?;
         match end.kind {
             Kind::Struct(place) => {
-                let type_name = self.types[place].name.clone();
-                Err(QueryError::Whole { path: path.to_string(), type_name })
+                Err(QueryError::Whole { path: path.to_string(), type_name: self.types[place].name.clone() })
             }
             Kind::Text if !end.several && end.array == Array::One => {
                 Ok(Query { hops: end.hops, what: What::Text })

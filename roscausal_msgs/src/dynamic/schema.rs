@@ -184,10 +184,7 @@ impl Schema {
 
     /// The type of a field, if it is not a built-in one.
     pub fn nested(&self, kind: Kind) -> Option<&Struct> {
-        match kind {
-            Kind::Struct(place) => self.types.get(place),
-            _ => None,
-        }
+        if let Kind::Struct(place) = kind { self.types.get(place) } else { None }
     }
 
     /// Fills in the least sizes of a type and of those that it uses. Depth and cycles end it.

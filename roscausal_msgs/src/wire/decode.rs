@@ -87,6 +87,15 @@ macro_rules! unsupported {
     };
 }
 
+/// What is read as something else is, or is nothing.
+macro_rules! plain {
+    ($($method:ident($($name:ident: $arg:ty),*) |$this:ident, $visitor:ident| $value:expr;)*) => {
+        $(fn $method<V: Visitor<'de>>($this, $($name: $arg,)* $visitor: V) -> Result<V::Value, Fault> {
+            $value
+        })*
+    };
+}
+
 impl<'de> Deserializer<'de> for &mut Decoder<'de> {
     type Error = Fault;
 
@@ -107,6 +116,17 @@ impl<'de> Deserializer<'de> for &mut Decoder<'de> {
         deserialize_enum(&'static str, &'static [&'static str]) "an enum"
     );
 
+    plain!(
+        deserialize_str() |self, visitor| self.deserialize_string(visitor);
+        deserialize_bytes() |self, visitor| visitor.visit_borrowed_bytes(self.prefixed()?);
+        deserialize_byte_buf() |self, visitor| self.deserialize_bytes(visitor);
+        deserialize_tuple(len: usize) |self, visitor| visitor.visit_seq(Elements { decoder: self, left: len });
+        deserialize_tuple_struct(_name: &'static str, len: usize) |self, visitor| self.deserialize_tuple(len, visitor);
+        deserialize_newtype_struct(_name: &'static str) |self, visitor| visitor.visit_newtype_struct(self);
+        deserialize_unit() |self, visitor| visitor.visit_unit();
+        deserialize_unit_struct(_name: &'static str) |self, visitor| visitor.visit_unit();
+    );
+
     /// Anything except 0 is true, as in C.
     fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
         let [byte] = self.number()?;
@@ -124,34 +144,9 @@ impl<'de> Deserializer<'de> for &mut Decoder<'de> {
         visitor.visit_str(&String::from_utf8_lossy(bytes))
     }
 
-    fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
-        self.deserialize_string(visitor)
-    }
-
-    fn deserialize_bytes<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
-        visitor.visit_borrowed_bytes(self.prefixed()?)
-    }
-
-    fn deserialize_byte_buf<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
-        self.deserialize_bytes(visitor)
-    }
-
     fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
         let left = self.length()?;
         visitor.visit_seq(Elements { decoder: self, left })
-    }
-
-    fn deserialize_tuple<V: Visitor<'de>>(self, len: usize, visitor: V) -> Result<V::Value, Fault> {
-        visitor.visit_seq(Elements { decoder: self, left: len })
-    }
-
-    fn deserialize_tuple_struct<V: Visitor<'de>>(
-        self,
-        _name: &'static str,
-        len: usize,
-        visitor: V,
-    ) -> Result<V::Value, Fault> {
-        self.deserialize_tuple(len, visitor)
     }
 
     fn deserialize_struct<V: Visitor<'de>>(
@@ -165,26 +160,6 @@ impl<'de> Deserializer<'de> for &mut Decoder<'de> {
             self.seq.get_or_insert(seq);
         }
         self.deserialize_tuple(fields.len(), visitor)
-    }
-
-    fn deserialize_newtype_struct<V: Visitor<'de>>(
-        self,
-        _name: &'static str,
-        visitor: V,
-    ) -> Result<V::Value, Fault> {
-        visitor.visit_newtype_struct(self)
-    }
-
-    fn deserialize_unit<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
-        visitor.visit_unit()
-    }
-
-    fn deserialize_unit_struct<V: Visitor<'de>>(
-        self,
-        _name: &'static str,
-        visitor: V,
-    ) -> Result<V::Value, Fault> {
-        visitor.visit_unit()
     }
 
     fn is_human_readable(&self) -> bool {

@@ -9,7 +9,7 @@ use super::{Fault, Layout};
 /// Writes the fields of a message one after the other.
 pub(crate) struct Encoder {
     layout: Layout,
-    bytes: Vec<u8>,
+    pub(crate) bytes: Vec<u8>,
     /// The position from which alignment counts.
     origin: usize,
     /// The `seq` of the next header.
@@ -20,10 +20,6 @@ impl Encoder {
     /// Appends to `prefix`, which does not count for alignment. The first header gets `seq`, later ones 0.
     pub(crate) fn new(layout: Layout, prefix: &[u8], seq: u32) -> Self {
         Self { layout, bytes: prefix.to_vec(), origin: prefix.len(), seq }
-    }
-
-    pub(crate) fn finish(self) -> Vec<u8> {
-        self.bytes
     }
 
     fn number<const N: usize>(&mut self, little_endian: [u8; N]) {
@@ -37,8 +33,7 @@ impl Encoder {
     }
 
     fn length(&mut self, length: usize) -> Result<(), Fault> {
-        let wire = u32::try_from(length).map_err(|_| Fault::TooLong(length))?;
-        self.number(wire.to_le_bytes());
+        self.number(u32::try_from(length).map_err(|_| Fault::TooLong(length))?.to_le_bytes());
         Ok(())
     }
 }

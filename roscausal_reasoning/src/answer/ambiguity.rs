@@ -42,10 +42,7 @@ fn deciding(model: &StructuralModel, effects: &[f64]) -> Option<Pair> {
             let values: Vec<f64> = of.map(|(_, effect)| *effect).collect();
             (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
         };
-        match (mean(true), mean(false)) {
-            (Some(a), Some(b)) => (a - b).abs(),
-            _ => -1.0,
-        }
+        if let (Some(a), Some(b)) = (mean(true), mean(false)) { (a - b).abs() } else { -1.0 }
     };
     (0..pairs.len()).max_by(|&a, &b| gap(a).total_cmp(&gap(b))).map(|k| pairs[k])
 }

@@ -190,8 +190,7 @@ fn shared(model: &StructuralModel, (a, b, r): (usize, usize, f64)) -> String {
 pub(super) fn shared_by(model: &StructuralModel, causes: &[usize], effects: &[usize]) -> Option<String> {
     let is_asked = |a: &usize, b: &usize| causes.contains(a) && effects.contains(b);
     let pairs = &model.members().first()?.model.noise.shared;
-    let pair = pairs.iter().find(|(a, b, _)| is_asked(a, b) || is_asked(b, a))?;
-    Some(shared(model, *pair))
+    Some(shared(model, *pairs.iter().find(|(a, b, _)| is_asked(a, b) || is_asked(b, a))?))
 }
 
 /// The strongest path from one variable to another, over standardised coefficients: the variables on it. Empty without one.

@@ -253,16 +253,16 @@ fn at_lag(model: &StructuralModel, member: &Member, x: Node, y: Node, tail: f64)
     let position = |node: Node| columns.position(node);
     let regressors: Vec<usize> = [x].iter().chain(&set).map(|&node| position(node)).collect();
     let target = position(y);
-    let degrees = columns.products().rows() as f64 - regressors.len() as f64 - 1.0;
+    let degrees = columns.products.n as f64 - regressors.len() as f64 - 1.0;
     if degrees < 10.0 {
         let graph = &member.model.graph;
-        let (rows, cause, others) = (columns.products().rows(), graph.text(x), set.len());
+        let (rows, cause, others) = (columns.products.n, graph.text(x), set.len());
         return Err(format!(
             "{rows} rows are too few to adjust the effect of {cause} for {others} others; record longer"
         ));
     }
     let coefficient = |sums: &Sums| sums.regress(target, &regressors).0[0];
-    let whole = columns.products().whole();
+    let whole = columns.products.whole();
     if whole.deviation(regressors[0]) == 0.0 {
         let name = &member.model.graph.names()[x.var];
         return Err(format!(
@@ -272,9 +272,9 @@ fn at_lag(model: &StructuralModel, member: &Member, x: Node, y: Node, tail: f64)
     let (all, rss) = whole.regress(target, &regressors);
     let (_, own) = whole.regress(regressors[0], &regressors[1..]);
     let error = (rss / degrees / own).sqrt();
-    let prefix = columns.products().prefix();
+    let prefix = columns.products.prefix();
     let draw = |k: usize| {
-        coefficient(&prefix.resampled(random::at(model.settings().seed, k, 6), columns.stretches()))
+        coefficient(&prefix.resampled(random::at(model.settings().seed, k, 6), &columns.stretches))
     };
     let (low, high) = bounds((0..BOOTSTRAPS).map(draw), tail);
     let t = if error > 0.0 { all[0] / error } else { 0.0 };

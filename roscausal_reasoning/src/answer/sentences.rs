@@ -18,8 +18,7 @@ pub(super) fn short(value: f64) -> String {
 
 /// A time in seconds, to the hundredth.
 pub(super) fn seconds(time: f64) -> String {
-    let text = format!("{time:.2}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    format!("{time:.2}").trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// A number with the unit of a variable.

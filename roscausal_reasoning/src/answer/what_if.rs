@@ -311,8 +311,7 @@ fn depends_on_link(
             / free.len().max(1) as f64
     };
     let effects: Vec<f64> = acted.all.iter().zip(&baseline.all).map(effect).collect();
-    let nothing = NOTHING * model.members()[0].model.deviations[var];
-    ambiguity::sentence(model, &effects, nothing)
+    ambiguity::sentence(model, &effects, NOTHING * model.members()[0].model.deviations[var])
         .map(|sentence| format!("{}: {sentence}", model.graph().names()[var]))
 }
 

@@ -75,7 +75,7 @@ pub fn wright(samples: &Samples, graph: &Graph, x: Node, y: Node, found: &Adjust
     nodes.sort_unstable();
     nodes.dedup();
     let columns = Columns::of(samples, nodes, first, &[]);
-    let sums = columns.products().whole();
+    let sums = columns.products.whole();
     let mut effects = vec![(x, 1.0)];
     for &node in &on_paths {
         let parents: Vec<Node> =

@@ -28,10 +28,10 @@ pub enum OverLags {
 
 /// The columns of a graph's regressions: every variable at every lag that is a target or a parent.
 pub(crate) struct Columns {
-    products: Products,
+    pub(crate) products: Products,
     nodes: Vec<Node>,
     /// Rows of each recording.
-    stretches: Vec<usize>,
+    pub(crate) stretches: Vec<usize>,
 }
 
 impl Columns {
@@ -68,14 +68,6 @@ impl Columns {
         Self { products: Products::new(columns), nodes, stretches }
     }
 
-    pub(crate) fn products(&self) -> &Products {
-        &self.products
-    }
-
-    pub(crate) fn stretches(&self) -> &[usize] {
-        &self.stretches
-    }
-
     pub(crate) fn position(&self, node: Node) -> usize {
         // Every node that is asked for is one of them.
         self.nodes.binary_search(&node).unwrap_or(0)
@@ -92,7 +84,7 @@ impl Columns {
         let n = graph.len();
         let mut coefficients = vec![Array2::zeros((n, n)); graph.largest_lag() + 1];
         let mut intercepts = vec![0.0; n];
-        let means = self.products.means();
+        let means = &self.products.means;
         for &var in variables {
             let target = self.position(Node::new(var, 0));
             let columns: Vec<usize> =
@@ -199,16 +191,15 @@ pub(super) fn columns_for(
     horizon: usize,
 ) -> Result<Columns> {
     if !graph.pairs().is_empty() {
-        return Err(Error::Data(
-            "the graph has pairs without a direction; take one of its orientations".into(),
-        ));
+        let reason = "the graph has pairs without a direction; take one of its orientations";
+        return Err(Error::Data(reason.into()));
     }
     let columns = Columns::new(samples, graph, variables, horizon);
     let most = variables.iter().map(|&var| graph.parents(var).len()).max().unwrap_or(0);
-    if !variables.is_empty() && columns.products.rows() < most + 2 {
+    if !variables.is_empty() && columns.products.n < most + 2 {
         return Err(Error::Data(format!(
             "{} complete rows are too few for equations of {most} parents; record longer",
-            columns.products.rows()
+            columns.products.n
         )));
     }
     Ok(columns)

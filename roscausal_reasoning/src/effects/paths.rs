@@ -39,10 +39,10 @@ impl Paths {
         let by_lag = |system: &LinearSystem| {
             system.effects(horizon).iter().map(|all| all[[effect, cause]]).collect::<Vec<f64>>()
         };
-        let system = columns.system(graph, &between, &columns.products().whole(), false);
-        let prefix = columns.products().prefix();
+        let system = columns.system(graph, &between, &columns.products.whole(), false);
+        let prefix = columns.products.prefix();
         let draw = |k: usize| {
-            let sums = prefix.resampled(random::at(seed, k, 1), columns.stretches());
+            let sums = prefix.resampled(random::at(seed, k, 1), &columns.stretches);
             by_lag(&columns.system(graph, &between, &sums, false))
         };
         let drawn: Vec<Vec<f64>> = (0..count).map(draw).collect();

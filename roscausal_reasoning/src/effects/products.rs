@@ -8,8 +8,10 @@ use crate::{
 /// Columns with mean 0, row by row.
 pub(crate) struct Products {
     m: usize,
-    n: usize,
-    means: Vec<f64>,
+    /// Number of rows.
+    pub(crate) n: usize,
+    /// Means of the columns.
+    pub(crate) means: Vec<f64>,
     columns: Vec<Vec<f64>>,
 }
 
@@ -46,18 +48,7 @@ impl Products {
             }
             mean
         };
-        let means = columns.iter_mut().map(centre).collect();
-        Self { m: columns.len(), n, means, columns }
-    }
-
-    /// Number of rows.
-    pub(crate) fn rows(&self) -> usize {
-        self.n
-    }
-
-    /// Means of the columns.
-    pub(crate) fn means(&self) -> &[f64] {
-        &self.means
+        Self { m: columns.len(), n, means: columns.iter_mut().map(centre).collect(), columns }
     }
 
     /// Of all rows.
@@ -138,7 +129,7 @@ impl Sums {
         let solved = factor.solve(|k| self.centred(columns[k], target) * scale(k));
         let mut coefficients = vec![0.0; columns.len()];
         let mut explained = 0.0;
-        for (&k, value) in factor.kept().iter().zip(solved) {
+        for (&k, value) in factor.kept.iter().zip(solved) {
             coefficients[k] = value * scale(k);
             explained += coefficients[k] * self.centred(columns[k], target);
         }

@@ -58,9 +58,8 @@ impl Graph {
             all.retain(|one| !one.against_the_rule);
         }
         if all.is_empty() {
-            return Err(Error::Data(
-                "the pairs without a direction make a circle however they are directed".into(),
-            ));
+            let reason = "the pairs without a direction make a circle however they are directed";
+            return Err(Error::Data(reason.into()));
         }
         Ok(all)
     }

@@ -29,7 +29,8 @@ pub struct Fit {
 
 /// The Cholesky factor of the scaled normal equations, on the columns that are kept.
 pub(crate) struct Factor {
-    kept: Vec<usize>,
+    /// The columns that are kept.
+    pub(crate) kept: Vec<usize>,
     /// Rows of the lower triangle.
     rows: Vec<Vec<f64>>,
 }
@@ -52,11 +53,6 @@ impl Factor {
             }
         }
         Self { kept, rows }
-    }
-
-    /// The columns that are kept.
-    pub(crate) fn kept(&self) -> &[usize] {
-        &self.kept
     }
 
     /// `L^-1 b`, `b` by kept column.
@@ -151,19 +147,19 @@ pub(crate) fn weighted<C: AsRef<[f64]>>(target: &[f64], columns: &[C], counts: O
     let (target_mean, y) = centred(target);
     let factor = Factor::new(scaled.len(), |a, b| product(&scaled[a], &scaled[b]));
     let mut residuals = y;
-    let mut solution = vec![0.0; factor.kept().len()];
+    let mut solution = vec![0.0; factor.kept.len()];
     for _ in 0..2 {
         let step = factor.solve(|k| product(&scaled[k], &residuals));
-        for ((value, step), &k) in solution.iter_mut().zip(&step).zip(factor.kept()) {
+        for ((value, step), &k) in solution.iter_mut().zip(&step).zip(&factor.kept) {
             *value += step;
             residuals.iter_mut().zip(&scaled[k]).for_each(|(r, x)| *r -= step * x);
         }
     }
     let mut coefficients = vec![0.0; columns.len()];
     let mut standard_errors = vec![0.0; columns.len()];
-    let degrees = total - factor.kept().len() as f64 - 1.0;
+    let degrees = total - factor.kept.len() as f64 - 1.0;
     let variance = if degrees > 0.0 { product(&residuals, &residuals) / degrees } else { f64::NAN };
-    for (position, &k) in factor.kept().iter().enumerate() {
+    for (position, &k) in factor.kept.iter().enumerate() {
         coefficients[k] = solution[position] / norms[k];
         let inverse = factor.solve(|other| f64::from(u8::from(other == k)))[position];
         standard_errors[k] = (variance * inverse).max(0.0).sqrt() / norms[k];
@@ -173,7 +169,7 @@ pub(crate) fn weighted<C: AsRef<[f64]>>(target: &[f64], columns: &[C], counts: O
         leverages.iter_mut().zip(column).for_each(|(h, v)| *h += v * v);
     }
     let intercept = target_mean - coefficients.iter().zip(&means).map(|(b, m)| b * m).sum::<f64>();
-    let dropped = (0..columns.len()).filter(|k| !factor.kept().contains(k)).collect();
+    let dropped = (0..columns.len()).filter(|k| !factor.kept.contains(k)).collect();
     Fit { intercept, coefficients, dropped, residuals, leverages, variance, standard_errors }
 }
 

@@ -131,7 +131,7 @@ impl Directed {
         let support = |fitted: &Fitted| {
             let kept: Vec<usize> = spread(fitted.rows.len(), MOST_ROWS).collect();
             let pick = |column: &Vec<f64>| kept.iter().map(|&i| column[i]).collect::<Vec<f64>>();
-            Support::new(&fitted.columns().iter().map(pick).collect::<Vec<_>>(), NEIGHBOURS)
+            Support::new(&fitted.columns.iter().map(pick).collect::<Vec<_>>(), NEIGHBOURS)
         };
         let supports = fits.par_iter().map(|fit| fit.as_ref().ok().map(support)).collect();
         Ok(Self {

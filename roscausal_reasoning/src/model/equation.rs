@@ -93,7 +93,8 @@ pub(crate) struct Fitted {
     pub(crate) hyperparameters: Option<Hyperparameters>,
     /// What resampling needs: the target and each parent's values by training row.
     target: Vec<f64>,
-    columns: Vec<Vec<f64>>,
+    /// The parents' values by training row.
+    pub(crate) columns: Vec<Vec<f64>>,
 }
 
 /// Fits the equation of `var` on `moments`. With `known`, no hyperparameters are searched: those given are taken, or none.
@@ -268,10 +269,5 @@ impl Fitted {
             equation.process = Some((used.to_vec(), posterior.draw(&left, seed, mirrored)?));
         }
         Ok(equation)
-    }
-
-    /// The parents' values by training row.
-    pub(crate) fn columns(&self) -> &[Vec<f64>] {
-        &self.columns
     }
 }

@@ -102,7 +102,7 @@ impl StructuralModel {
         let imposed =
             |marks: &Array2<bool>| marks.indexed_iter().filter(|(_, is)| **is).map(|(at, _)| at).collect();
         let numbers = |marks: &Vec<bool>| (0..).zip(marks).filter(|(_, is)| **is).map(|(t, _)| t).collect();
-        let masked: Vec<Vec<usize>> = self.samples().masked().iter().map(numbers).collect();
+        let masked: Vec<Vec<usize>> = self.samples().masked.iter().map(numbers).collect();
         let member = |member: &super::structural::Member| MemberFile {
             equations: member.model.summaries.clone(),
             quality: member.quality.clone(),
@@ -116,7 +116,7 @@ impl StructuralModel {
             facts: self.facts.clone(),
             members: self.members().iter().map(member).collect(),
             rows: self.samples().recordings().iter().map(rows).collect(),
-            imposed: self.samples().imposed().iter().map(imposed).collect(),
+            imposed: self.samples().imposed.iter().map(imposed).collect(),
             masked: if masked.iter().all(Vec::is_empty) { Vec::new() } else { masked },
         };
         // A struct of strings, numbers and lists always serialises.

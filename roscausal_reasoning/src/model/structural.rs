@@ -168,9 +168,8 @@ impl StructuralModel {
         settings.check()?;
         let orientations = graph.orientations()?;
         if orientations.len() != kept.len() || kept.iter().any(|(known, _)| known.len() != graph.len()) {
-            return Err(Error::Data(
-                "the structural model's equations do not match its graph; fit it anew".into(),
-            ));
+            let reason = "the structural model's equations do not match its graph; fit it anew";
+            return Err(Error::Data(reason.into()));
         }
         let member = |(one, (known, quality)): (crate::graph::Orientation, (Vec<_>, _))| {
             Ok(Member {

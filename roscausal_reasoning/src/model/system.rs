@@ -150,9 +150,7 @@ impl System {
         let mut scratch = Vec::new();
         let mut noise = Vec::with_capacity(rows.len().saturating_sub(first * n));
         for t in first..rows.len() / n {
-            for var in 0..n {
-                noise.push(rows[t * n + var] - self.expected(rows, t, var, &mut scratch));
-            }
+            noise.extend((0..n).map(|var| rows[t * n + var] - self.expected(rows, t, var, &mut scratch)));
         }
         noise
     }

@@ -145,9 +145,7 @@ impl Action {
                 "action '{name}' does nothing: give it an intervention, such as {last}=0@1..{horizon}, or call it '{GO_ON}'"
             ));
         }
-        for one in &self.interventions {
-            one.enter(&self.name, all, horizon, &mut schedule)?;
-        }
+        self.interventions.iter().try_for_each(|one| one.enter(&self.name, all, horizon, &mut schedule))?;
         Ok(schedule)
     }
 }

@@ -20,10 +20,7 @@ pub fn parse_action(text: &str) -> Result<Action, String> {
     if text.eq_ignore_ascii_case(GO_ON) {
         return Ok(Action::go_on());
     }
-    let (name, body) = match text.split_once(':') {
-        Some((name, body)) => (name.trim(), body),
-        None => (text, text),
-    };
+    let (name, body) = text.split_once(':').map_or((text, text), |(name, body)| (name.trim(), body));
     let parts = body.split(',').map(str::trim).filter(|part| !part.is_empty());
     let interventions = parts.map(intervention).collect::<Result<Vec<_>, _>>()?;
     Ok(Action { name: name.to_owned(), interventions })

@@ -160,7 +160,7 @@ impl Db3 {
             rows.push(row);
         }
         let first = |number: &u64| rows.get(usize::try_from(*number).ok()?).copied();
-        self.laps = finder.finish().begins().iter().filter_map(first).collect();
+        self.laps = finder.finish().begins.iter().filter_map(first).collect();
         Ok(())
     }
 

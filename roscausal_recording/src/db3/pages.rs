@@ -53,13 +53,12 @@ impl Pages {
         };
         // SQLite has no smaller ones.
         let usable = size.checked_sub(usize::from(header[20])).filter(|usable| size >= 512 && *usable >= 480);
-        let usable = usable.ok_or_else(|| io::Error::other("its header is damaged"))?;
-        Ok(Self { file, size, usable })
+        Ok(Self { file, size, usable: usable.ok_or_else(|| io::Error::other("its header is damaged"))? })
     }
 
     /// All messages in the file, in the order of the pages; each row once.
     pub(super) fn messages(&mut self) -> io::Result<Vec<Message>> {
-        let count = self.file.length().div_ceil(self.size as u64);
+        let count = self.file.length.div_ceil(self.size as u64);
         let (mut found, mut rows) = (Vec::new(), std::collections::HashSet::new());
         for number in 1..=u32::try_from(count).unwrap_or(u32::MAX) {
             let page = self.page(number)?;
@@ -80,7 +79,7 @@ impl Pages {
         let page = self.page(place.page)?;
         let cell = Cell::parse(&page, place.offset.into(), self.usable).ok_or_else(lost)?;
         // A damaged length must not cost memory.
-        let length = usize::try_from(cell.length).ok().filter(|_| cell.length <= self.file.length());
+        let length = usize::try_from(cell.length).ok().filter(|_| cell.length <= self.file.length);
         let length = length.ok_or_else(lost)?;
         let (mut content, mut next) = (cell.local.to_vec(), cell.overflow);
         while content.len() < length {
@@ -98,7 +97,7 @@ impl Pages {
     /// A page, counted from 1, as far as the file has it.
     fn page(&mut self, number: u32) -> io::Result<Vec<u8>> {
         let offset = u64::from(number.saturating_sub(1)) * self.size as u64;
-        if number == 0 || offset >= self.file.length() {
+        if number == 0 || offset >= self.file.length {
             return Err(io::Error::new(io::ErrorKind::UnexpectedEof, "a page is not in the file"));
         }
         self.file.seek(offset)?;

@@ -47,8 +47,7 @@ pub(crate) struct Master {
 impl Master {
     fn ask<T: TryFromValue>(&self, method: &str, more: &[&str]) -> Answer<T> {
         let texts = std::iter::once(self.node.as_str()).chain(more.iter().copied());
-        let params = texts.map(|text| Xml::String(text.to_owned())).collect();
-        call(&self.uri, method, params, PATIENCE)
+        call(&self.uri, method, texts.map(|text| Xml::String(text.to_owned())).collect(), PATIENCE)
     }
 
     /// Waits for a master that answers, as long as `keep_waiting` returns true, and logs what it waits for.

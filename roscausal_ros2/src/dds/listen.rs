@@ -45,7 +45,7 @@ impl Participant {
         topic: &str,
         callback: impl FnMut(Raw) + Send + 'static,
     ) -> Result<Subscription> {
-        let topic = self.names().resolve(topic)?;
+        let topic = self.names.resolve(topic)?;
         let subscription = Subscription::waiting();
         let (gate, task) = (subscription.gate.clone(), subscription.task.clone());
         let (node, name) = (Arc::downgrade(self), topic.clone());
@@ -164,8 +164,7 @@ impl Decode<'_, Vec<u8>> for Whole {
         input: &[u8],
         encoding: RepresentationIdentifier,
     ) -> std::result::Result<Vec<u8>, Infallible> {
-        let little_endian = u8::from(encoding == RepresentationIdentifier::CDR_LE);
-        let mut bytes = vec![0, little_endian, 0, 0];
+        let mut bytes = vec![0, u8::from(encoding == RepresentationIdentifier::CDR_LE), 0, 0];
         bytes.extend_from_slice(input);
         Ok(bytes)
     }

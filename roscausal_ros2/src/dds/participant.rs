@@ -28,7 +28,8 @@ use crate::rcl::{Enclave, Names, Network};
 
 /// A node's participant. It leaves the domain when it is dropped, or when it is told to.
 pub(crate) struct Participant {
-    names: Names,
+    /// The node's name, and what its remaps make of others.
+    pub(crate) names: Names,
     network: Network,
     /// Whether what it sends may be encrypted.
     pub(super) secured: bool,
@@ -101,7 +102,7 @@ impl Participant {
         }
         let domain = format!("cannot join DDS domain {}", network.domain_id);
         let participant = secured(builder, enclave).build().map_err(|error| match enclave {
-            Some(enclave) => Error::file(enclave.folder(), format!("{domain} with this enclave: {error}")),
+            Some(enclave) => Error::file(&enclave.folder, format!("{domain} with this enclave: {error}")),
             None => middleware(&domain, error),
         })?;
         let context =
@@ -131,11 +132,6 @@ impl Participant {
         let session = Arc::downgrade(&this.session);
         watchdog::watch(move || answers(&session), watchdog::PATIENCE, on_hang);
         Ok(Arc::new(this))
-    }
-
-    /// The node's name, and what its remaps make of others.
-    pub(crate) fn names(&self) -> &Names {
-        &self.names
     }
 
     /// Runs `work` with the handles of the library.
@@ -243,10 +239,8 @@ fn answers(session: &Weak<Mutex<Option<Session>>>) -> bool {
 fn secured(builder: DomainParticipantBuilder, enclave: Option<&Enclave>) -> DomainParticipantBuilder {
     let Some(enclave) = enclave else { return builder };
     // The keys of SROS2 have no password.
-    let files = rustdds::DomainParticipantSecurityConfigFiles::with_ros_default_names(
-        enclave.folder(),
-        String::new(),
-    );
+    let files =
+        rustdds::DomainParticipantSecurityConfigFiles::with_ros_default_names(&enclave.folder, String::new());
     builder.builtin_security(files)
 }
 

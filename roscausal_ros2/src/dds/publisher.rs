@@ -59,7 +59,7 @@ impl Participant {
     /// # Errors
     /// An illegal name, a type other than the topic's, or a node that has left.
     pub(crate) fn advertise<M: Message>(self: &Arc<Self>, topic: &str, qos: Qos) -> Result<Publisher<M>> {
-        let topic = self.names().resolve(topic)?;
+        let topic = self.names.resolve(topic)?;
         let dds_topic = self.topic::<M>(&topic, qos)?;
         let dds_name = dds_topic.name();
         let renew_after = if qos == Qos::Latched && self.renews() { MOST_KEPT } else { usize::MAX };

@@ -87,7 +87,7 @@ impl Participant {
         Resp: Carry + Clone + Send + 'static,
     {
         let failed = |reason: String| Error::Middleware(format!("service {name}: {reason}"));
-        let full = Name::new(&self.names().full_name(), name).map_err(|error| failed(error.to_string()))?;
+        let full = Name::new(&self.names.full_name(), name).map_err(|error| failed(error.to_string()))?;
         let kind = ServiceTypeName::new("rcl_interfaces", kind);
         let answer = move |request, reply: Reply<Resp>| {
             if let Some(response) = handle(request) {
@@ -145,7 +145,7 @@ impl Participant {
     /// # Errors
     /// An illegal name.
     pub(super) fn service_name(&self, name: &str) -> Result<String> {
-        self.names().resolve(name).map_err(|error| match error {
+        self.names.resolve(name).map_err(|error| match error {
             Error::Topic { topic, reason } => Error::Service { service: topic, reason },
             other => other,
         })

@@ -52,7 +52,7 @@ impl Participant {
         qos: Qos,
         mut callback: impl FnMut(M) + Send + 'static,
     ) -> Result<Subscription> {
-        let topic = self.names().resolve(topic)?;
+        let topic = self.names.resolve(topic)?;
         let dds_topic = self.topic::<M>(&topic, qos)?;
         let profile = qos::profile(qos, Side::Subscriber);
         let made =

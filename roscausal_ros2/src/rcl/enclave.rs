@@ -7,7 +7,8 @@ use super::{BadArgument, names::is_namespace};
 /// The folder of an enclave that has every file that DDS Security needs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Enclave {
-    folder: PathBuf,
+    /// The enclave's folder.
+    pub folder: PathBuf,
 }
 
 /// The files of an enclave, named as SROS2 names them.
@@ -102,11 +103,6 @@ impl Enclave {
             ));
         }
         Ok(Self { folder })
-    }
-
-    /// The enclave's folder.
-    pub fn folder(&self) -> &Path {
-        &self.folder
     }
 }
 

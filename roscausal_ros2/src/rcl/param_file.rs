@@ -43,8 +43,7 @@ impl ParamFile {
             return Err(wrong("the name is not a parameter's name"));
         }
         let value = parsed(text).map_err(|why| wrong(&format!("the value {why}")))?;
-        let value = scalar_or_list(&value).map_err(|why| wrong(&why))?;
-        self.insert(node, name, value);
+        self.insert(node, name, scalar_or_list(&value).map_err(|why| wrong(&why))?);
         Ok(())
     }
 

@@ -141,8 +141,7 @@ fn explored(scenario: &Scenario, seed: u64) -> Result<Scenario> {
     let mut texts = Vec::new();
     for k in 0..(TRAINING_S / DRAWN_S) as usize {
         // Four equal parts, the last of which is its own speed.
-        let part = rng.uniform(0.0, SPEEDS.len() as f64 + 1.0) as usize;
-        if let Some(speed) = SPEEDS.get(part) {
+        if let Some(speed) = SPEEDS.get(rng.uniform(0.0, SPEEDS.len() as f64 + 1.0) as usize) {
             texts.push(format!("robot.speed={speed}@{}..{}", k as f64 * DRAWN_S, (k + 1) as f64 * DRAWN_S));
         }
     }

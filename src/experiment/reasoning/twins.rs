@@ -44,8 +44,7 @@ pub(super) struct Twins {
 pub(super) fn walk(scenario: &Scenario, seed: u64, seconds: f64, interrupt: &Interrupt) -> Result<Walk> {
     let recording = record(scenario, seed, seconds, &[DT], interrupt)?.swap_remove(0);
     let rows = variables(&recording)?;
-    let times = (0..rows.nrows()).map(|row| recording.stamp(row).as_secs_f64()).collect();
-    Ok(Walk { times, rows })
+    Ok(Walk { times: (0..rows.nrows()).map(|row| recording.stamp(row).as_secs_f64()).collect(), rows })
 }
 
 fn variables(recording: &Recording) -> Result<Array2<f64>> {
@@ -85,8 +84,7 @@ impl Twins {
                 }
                 Ok(twin.rows.slice(s![now + 1..=now + REACH, ..]).to_owned())
             };
-            let acted = ACTIONS.iter().map(under).collect::<Result<_>>()?;
-            Ok(Self { seed, start, rows, now, acted })
+            Ok(Self { acted: ACTIONS.iter().map(under).collect::<Result<_>>()?, seed, start, rows, now })
         };
         starts.iter().map(one).collect()
     }

@@ -46,9 +46,7 @@ impl Factor {
 /// settings that differ in that factor alone.
 pub(super) fn plot(groups: &[Group<'_>], factor: Factor) -> String {
     let mut families: BTreeMap<String, Vec<&Group<'_>>> = BTreeMap::new();
-    for group in groups {
-        families.entry(factor.family(group.setting)).or_default().push(group);
-    }
+    groups.iter().for_each(|group| families.entry(factor.family(group.setting)).or_default().push(group));
     // The first of equals: `max_by_key` prefers the last, hence the reversal.
     let Some(mut family) = families.into_values().rev().max_by_key(Vec::len) else {
         return curves("", factor.label(), &[]);

@@ -13,8 +13,7 @@ use super::{
 pub(crate) fn text(runs: &[Run]) -> String {
     let mut text = String::new();
     for group in groups(runs) {
-        let cells = group.setting.cells();
-        let [scenario, length, step, risk_model, risk_lag, method, test] = &cells;
+        let [scenario, length, step, risk_model, risk_lag, method, test] = &group.setting.cells();
         let _ = writeln!(
             text,
             "{scenario}, {length} s at {step} s, risk {risk_model} late by {risk_lag}, {method} with {test}:\n\n\
@@ -67,8 +66,7 @@ impl Csv {
     }
 
     fn text(self) -> Result<String> {
-        let bytes = self.0.into_inner().map_err(fault)?;
-        String::from_utf8(bytes).map_err(fault)
+        String::from_utf8(self.0.into_inner().map_err(fault)?).map_err(fault)
     }
 }
 

@@ -113,10 +113,7 @@ impl Recorder {
         }
         self.counts.rows += 1;
         if n_rows + 1 >= self.rows_per_batch {
-            self.close(match self.config.ts_length_s {
-                Some(_) => EndedBy::TsLength,
-                None => EndedBy::MostRows,
-            });
+            self.close(self.config.ts_length_s.map_or(EndedBy::MostRows, |_| EndedBy::TsLength));
         }
     }
 

@@ -68,10 +68,7 @@ pub(crate) fn in_seconds(mut time: Vec<f64>, known: Option<Unit>) -> (Vec<f64>, 
     {
         return (dates, Some("times are taken as dates, such as 20261124 or 202611".to_owned()));
     }
-    let (unit, reported) = match known {
-        Some(unit) => (unit, None),
-        None => guessed(&time),
-    };
+    let (unit, reported) = known.map_or_else(|| guessed(&time), |unit| (unit, None));
     if unit != Unit::Seconds {
         // The first time is taken off before the division, so that steps keep their digits.
         let (first, per) = (time.first().copied().unwrap_or(0.0), unit.per_second());
@@ -214,8 +211,7 @@ fn quarter_begins(year: &str, quarter: &str) -> Option<f64> {
         "4" => 10,
         _ => return None,
     };
-    let day = NaiveDate::from_ymd_opt(year.parse().ok()?, month, 1).filter(has_year)?;
-    Some(begins(day))
+    Some(begins(NaiveDate::from_ymd_opt(year.parse().ok()?, month, 1).filter(has_year)?))
 }
 
 /// Whether the year has four digits: 1.2.3 is a version.

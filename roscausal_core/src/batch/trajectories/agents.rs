@@ -38,8 +38,8 @@ pub struct Agent {
     is_robot: bool,
     /// It stays where it is.
     pub(super) stands: bool,
-    start: f64,
-    end: f64,
+    pub(super) start: f64,
+    pub(super) end: f64,
     track: Track,
 }
 
@@ -50,7 +50,8 @@ pub struct Agents {
     pub all: Vec<Agent>,
     /// What was made of the file, one sentence each.
     pub notes: Vec<String>,
-    usual_step: f64,
+    /// Median step between the samples of an agent, seconds.
+    pub(super) usual_step: f64,
 }
 
 /// The rows of one agent, before they are states.
@@ -169,11 +170,6 @@ impl Agents {
         robots.next().filter(|_| robots.next().is_none())
     }
 
-    /// Median step between the samples of an agent, seconds.
-    pub(super) fn usual_step(&self) -> f64 {
-        self.usual_step
-    }
-
     /// The first time of all, seconds.
     pub(super) fn start(&self) -> f64 {
         self.all.iter().map(|agent| agent.start).fold(f64::INFINITY, f64::min)
@@ -222,14 +218,6 @@ impl Agent {
     /// The values at these stamps; unknown where the agent is not there.
     pub(super) fn rows(&self, stamps: &[i64], max_gap: i64) -> Vec<Values> {
         stamps.iter().map(|&stamp| self.track.at(stamp, max_gap, false).unwrap_or(Values::UNKNOWN)).collect()
-    }
-
-    pub(super) fn start(&self) -> f64 {
-        self.start
-    }
-
-    pub(super) fn end(&self) -> f64 {
-        self.end
     }
 }
 

@@ -225,7 +225,7 @@ impl<'a> Scene<'a> {
             Some("nearest") => None,
             Some(name) => Some(agents.named("obstacle", name)?),
         };
-        let usual = agents.usual_step();
+        let usual = agents.usual_step;
         let dt = choice.dt.unwrap_or_else(|| rounded(usual.max(USUAL_STEP)));
         if !(dt.is_finite() && dt > 0.0) {
             return Err(Error::param("dt", format!("{dt} is not a number of seconds above 0")));
@@ -300,22 +300,18 @@ impl<'a> Scene<'a> {
     /// The rows of one agent: from the first step at which it is there to the last, with the others around it.
     fn batch(&self, agent: &Agent) -> Result<Recording> {
         let step_ns = (self.dt * 1e9).round();
-        let first = ((agent.start() - self.start) / self.dt).ceil();
-        let last = ((agent.end() - self.start) / self.dt + 1e-6).floor();
+        let first = ((agent.start - self.start) / self.dt).ceil();
+        let last = ((agent.end - self.start) / self.dt + 1e-6).floor();
         let rows = (last - first + 1.0).max(0.0);
         if rows > MOST_ROWS {
-            return Err(Error::param(
-                "dt",
-                format!("{rows} rows are too many; choose a longer step than {} s", self.dt),
-            ));
+            let reason = format!("{rows} rows are too many; choose a longer step than {} s", self.dt);
+            return Err(Error::param("dt", reason));
         }
         let start_ns = ((self.start * 1e9).round() + first * step_ns) as i64;
         let stamps: Vec<i64> = (0..rows as usize).map(|row| start_ns + row as i64 * step_ns as i64).collect();
-        let max_gap = (self.max_gap * 1e9) as i64;
-        let values = |of: &Agent| of.rows(&stamps, max_gap);
-        let together = |other: &&Agent| {
-            other.id != agent.id && other.start() <= agent.end() && other.end() >= agent.start()
-        };
+        let values = |of: &Agent| of.rows(&stamps, (self.max_gap * 1e9) as i64);
+        let together =
+            |other: &&Agent| other.id != agent.id && other.start <= agent.end && other.end >= agent.start;
         let others = match self.robot {
             Some(_) => BTreeMap::new(),
             None => self

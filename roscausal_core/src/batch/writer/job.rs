@@ -52,8 +52,7 @@ impl Job {
     }
 
     pub(super) fn left_at(name: String, step: Step) -> Self {
-        let job = Self::new(Recording::default(), Origin::None);
-        Self { name, step, protected: true, ..job }
+        Self { name, step, protected: true, ..Self::new(Recording::default(), Origin::None) }
     }
 }
 

@@ -158,8 +158,7 @@ impl Writer {
     /// Hands over a batch, with the number of its journal if it has one; returns at once, unless it [waits](Self::that_waits).
     pub fn write(&self, batch: Recording, journal: Option<u64>) {
         let Some(batches) = &self.batches else { return };
-        let origin = journal.map_or(Origin::None, Origin::Open);
-        let job = Job::new(batch, origin);
+        let job = Job::new(batch, journal.map_or(Origin::None, Origin::Open));
         let sent = match self.waits {
             true => batches.send(job).map_err(|unsent| unsent.0),
             false => batches

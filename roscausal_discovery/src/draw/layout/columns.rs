@@ -32,9 +32,7 @@ pub(super) fn heights(columns: &[Vec<usize>], items: &[Extent], near: &[Vec<usiz
             let steps = steps(column, items, gap);
             let free: Vec<f64> = pull.iter().zip(&steps).map(|(pull, step)| pull - step).collect();
             let fitted = isotonic(&free, &weight);
-            for ((&item, fit), step) in column.iter().zip(fitted).zip(&steps) {
-                y[item] = fit + step;
-            }
+            column.iter().zip(fitted).zip(&steps).for_each(|((&item, fit), step)| y[item] = fit + step);
         };
         if sweep % 2 == 0 {
             columns.iter().for_each(|column| settle(column, &mut y));

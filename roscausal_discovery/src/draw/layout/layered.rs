@@ -100,15 +100,12 @@ pub(super) fn layered(n: usize, edges: &[Edge]) -> Plan {
             Route { path, label: Some(at(chain.slots[chain.label])) }
         }
     };
-    let routes = edges.iter().zip(&chains).map(route).collect();
-    Plan { width: 0.0, height: 0.0, nodes, routes }
+    Plan { width: 0.0, height: 0.0, routes: edges.iter().zip(&chains).map(route).collect(), nodes }
 }
 
 fn columns_of(columns: &[Vec<usize>], n_items: usize) -> Vec<usize> {
     let mut of = vec![0; n_items];
-    for (column, items) in columns.iter().enumerate() {
-        items.iter().for_each(|&item| of[item] = column);
-    }
+    columns.iter().enumerate().for_each(|(column, items)| items.iter().for_each(|&item| of[item] = column));
     of
 }
 

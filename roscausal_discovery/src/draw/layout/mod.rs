@@ -80,9 +80,7 @@ impl Plan {
             all = all.and(Boxed::around(at, 2.0 * NODE + 4.0, 2.0 * NODE + 4.0));
         }
         for (route, edge) in self.routes.iter().zip(edges) {
-            for at in curve::samples(&route.path) {
-                all = all.and(Boxed::around(at, 14.0, 14.0));
-            }
+            curve::samples(&route.path).for_each(|at| all = all.and(Boxed::around(at, 14.0, 14.0)));
             if let Some(at) = route.label {
                 all = all.and(Boxed::around(at, edge.label, LABEL));
             }

@@ -10,12 +10,8 @@ pub(super) fn order(columns: &mut Vec<Vec<usize>>, left: &[Vec<usize>], right: &
     columns.iter().for_each(|column| number(column, &mut place));
     let mut best = (crossings(columns, right, &place), columns.clone());
     for _ in 0..SWEEPS {
-        for column in columns.iter_mut() {
-            sort(column, left, &mut place);
-        }
-        for column in columns.iter_mut().rev() {
-            sort(column, right, &mut place);
-        }
+        columns.iter_mut().for_each(|column| sort(column, left, &mut place));
+        columns.iter_mut().rev().for_each(|column| sort(column, right, &mut place));
         let now = crossings(columns, right, &place);
         if now < best.0 {
             best = (now, columns.clone());

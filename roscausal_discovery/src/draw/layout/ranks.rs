@@ -25,9 +25,7 @@ pub(super) fn ranks(n: usize, arrows: &[(usize, usize)]) -> Vec<usize> {
         after[a].push(b);
     }
     let mut rank = vec![0_usize; n];
-    for &v in &by_place {
-        rank[v] = before[v].iter().map(|&u| rank[u] + 1).max().unwrap_or(0);
-    }
+    by_place.iter().for_each(|&v| rank[v] = before[v].iter().map(|&u| rank[u] + 1).max().unwrap_or(0));
     for _ in 0..ROUNDS {
         for &v in &by_place {
             let low = before[v].iter().map(|&u| rank[u] + 1).max();
@@ -89,9 +87,7 @@ fn close_gaps(rank: &mut [usize], alone: &[usize]) {
     let mut used: Vec<usize> = (0..rank.len()).filter(|v| !alone.contains(v)).map(|v| rank[v]).collect();
     used.sort_unstable();
     used.dedup();
-    for r in rank.iter_mut() {
-        *r = used.partition_point(|u| u < r);
-    }
+    rank.iter_mut().for_each(|r| *r = used.partition_point(|u| u < r));
 }
 
 fn spread(rank: &mut [usize], alone: &[usize]) {

@@ -166,7 +166,7 @@ impl PreparedTest for Prepared<'_> {
             return Ok(result);
         }
         zs.retain(|row| !is_constant(row));
-        let seed = seed_of_draw(settings.seed, self.samples.data().draw());
+        let seed = seed_of_draw(settings.seed, self.samples.data().draw);
         let mut rng = Rng::for_test(seed, x, y, z);
         (result.value, result.p_value) = self.value_and_p(&xs, &ys, &zs, &mut rng, true)?;
         if settings.confidence.is_some() {

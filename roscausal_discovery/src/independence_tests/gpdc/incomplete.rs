@@ -20,10 +20,11 @@ const SHARE_OF_LARGEST: f64 = 0.3;
 pub(super) struct Incomplete<T> {
     n: usize,
     /// `n x r`, columns by pivot, with room for more.
-    columns: Buffer,
-    pivots: Vec<u32>,
+    pub(super) columns: Buffer,
+    /// Pivots in their order.
+    pub(super) pivots: Vec<u32>,
     /// Diagonal of `E`; minus infinity at the pivots.
-    remainder: Vec<T>,
+    pub(super) remainder: Vec<T>,
     /// Pivots of another factorisation that have not been candidates yet.
     hints: Vec<u32>,
     /// Room for those that may be candidates.
@@ -44,16 +45,6 @@ impl<T: Real> Incomplete<T> {
         Self { n, columns, pivots: Vec::with_capacity(max_rank + PANEL), remainder, hints, above: Vec::new() }
     }
 
-    /// Pivots in their order.
-    pub(super) fn pivots(&self) -> &[u32] {
-        &self.pivots
-    }
-
-    /// Diagonal of `E`; minus infinity at the pivots.
-    pub(super) fn remainder(&self) -> &[T] {
-        &self.remainder
-    }
-
     pub(super) fn rank(&self) -> usize {
         self.pivots.len()
     }
@@ -61,11 +52,6 @@ impl<T: Real> Incomplete<T> {
     /// `L`, column-major.
     pub(super) fn factor(&self) -> &[T] {
         self.columns.numbers(self.n * self.rank())
-    }
-
-    /// The memory of `L`, which its first `n r` numbers are.
-    pub(super) fn into_columns(self) -> Buffer {
-        self.columns
     }
 
     /// Takes more pivots until no remainder exceeds `tolerance`; `None` where the rank exceeds `max_rank`, or is about

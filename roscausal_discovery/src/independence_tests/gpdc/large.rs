@@ -105,7 +105,7 @@ pub(super) fn climb(
         let at = Likelihood::for_search(inputs, theta, error, &mut forecast, resources);
         let value = at.map(|at| {
             let value = at.evaluate(y);
-            at.plan().inspect(|plan| forecast.learn(y.len(), theta.s, *plan, value.truncation));
+            at.plan.inspect(|plan| forecast.learn(y.len(), theta.s, *plan, value.truncation));
             value
         });
         let Some(value) = value else {

@@ -18,7 +18,7 @@
 //!
 //! ```ignore
 //! let mut search = Minimizer::new([0.0; 2], bounds, Tolerances::default());
-//! while let Some(x) = search.wants() {
+//! while let Some(x) = search.wants {
 //!     let (value, gradient) = f(x);
 //!     search.tell(value, gradient);
 //! }
@@ -74,7 +74,8 @@ pub(super) struct Minimizer<const N: usize> {
     /// The last iterate; `None` before the start is known.
     at: Option<Point<N>>,
     line: Option<Line<N>>,
-    wants: Option<[f64; N]>,
+    /// Where the function is wanted next; `None` at the end.
+    pub(super) wants: Option<[f64; N]>,
     iterations: usize,
 }
 
@@ -92,11 +93,6 @@ impl<const N: usize> Minimizer<N> {
     pub(super) fn new(start: [f64; N], bounds: Bounds<N>, tolerances: Tolerances) -> Self {
         let wants = Some(bounds.clamp(start));
         Self { bounds, tolerances, memory: Memory::new(), at: None, line: None, wants, iterations: 0 }
-    }
-
-    /// Where the function is wanted next; `None` at the end.
-    pub(super) fn wants(&self) -> Option<[f64; N]> {
-        self.wants
     }
 
     /// The last iterate, which is the best place so far; `None` before the first value.
@@ -400,7 +396,7 @@ mod tests {
         watch: impl Fn([f64; 2]),
     ) -> Point<2> {
         let mut search = Minimizer::new(start, bounds, tolerances);
-        while let Some(x) = search.wants() {
+        while let Some(x) = search.wants {
             watch(x);
             let (value, gradient) = rosenbrock(x);
             search.tell(value, gradient);

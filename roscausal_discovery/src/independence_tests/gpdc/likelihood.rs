@@ -22,7 +22,7 @@ pub(super) struct Likelihood {
     theta: Theta,
     form: Form,
     /// That of a form of low rank.
-    plan: Option<Plan>,
+    pub(super) plan: Option<Plan>,
     _held: Option<Held>,
 }
 
@@ -135,7 +135,7 @@ impl Likelihood {
         let plan = forecast.plan(inputs, self.theta, error);
         let Self { theta, form, plan: before, _held } = self;
         let factor = match form {
-            Form::LowRank(at) => Some(at.into_factor()),
+            Form::LowRank(at) => Some(at.factor),
             // One in single precision is not to be extended to what asks for more.
             Form::LowRankSingle(_) | Form::DenseSingle(_) => None,
             Form::Dense(_) => return Some(Self { theta, form, plan: before, _held }),
@@ -159,11 +159,6 @@ impl Likelihood {
     /// Whether it is exact but for rounding in double precision.
     pub(super) fn is_exact(&self) -> bool {
         matches!(self.form, Form::Dense(_))
-    }
-
-    /// How a form of low rank was computed.
-    pub(super) fn plan(&self) -> Option<Plan> {
-        self.plan
     }
 
     /// The pivots of a form of low rank.

@@ -36,7 +36,8 @@ use super::{
 /// beside: the gradient, which divides by them, is off by the rounding divided by the tolerance.
 pub(super) struct LowRank<T> {
     s: f64,
-    factor: Incomplete<T>,
+    /// The factor of the kernel matrix.
+    pub(super) factor: Incomplete<T>,
     /// Cholesky factor of `M`, `r x r`.
     inner: Buffer,
     gradient: Option<Gradient>,
@@ -90,21 +91,16 @@ impl<T: Real> LowRank<T> {
         Some(at)
     }
 
-    /// The factor of the kernel matrix.
-    pub(super) fn into_factor(self) -> Incomplete<T> {
-        self.factor
-    }
-
     /// Pivots in their order.
     pub(super) fn pivots(&self) -> &[u32] {
-        self.factor.pivots()
+        &self.factor.pivots
     }
 
     /// The traces. With `A^-1 L = L M^-1` and `L' A^-1 L = I - s M^-1`, `tr(A^-1 B W') = tr(M^-1 Y)` where
     /// `Y = L_p^-1 B' L`, and `tr(A^-1 W dK_p W') = tr(X) - s tr(M^-1 X)` where `X = L_p^-1 dK_p L_p^-T`.
     fn differentiate(&mut self, inputs: &Inputs, theta: Theta, derivative: Derivative) {
         let (n, r) = (inputs.len(), self.factor.rank());
-        let (pivots, factor) = (self.factor.pivots(), self.factor.factor());
+        let (pivots, factor) = (&self.factor.pivots, self.factor.factor());
         let mut at_pivots = Buffer::any(r * r);
         for (j, (to, column)) in at_pivots.chunks_exact_mut(r).zip(factor.chunks_exact(n)).enumerate() {
             to[..j].fill(0.0);
@@ -221,7 +217,7 @@ impl<T: Real> Factorisation for LowRank<T> {
     /// For what the approximation leaves of the kernel matrix, `E`: the logarithm of the
     /// determinant is too small by at most `tr(E) / s`, `y' a` too large by about `a' E a`; so the errors are opposite.
     fn truncation_error(&self, alpha: &[f64]) -> f64 {
-        let left = self.factor.remainder();
+        let left = &self.factor.remainder;
         let (trace, fit) = left.iter().zip(alpha).fold((0.0, 0.0), |(trace, fit), (&left, a)| {
             let left = left.double().max(0.0);
             (trace + left, fit + left * a * a)

@@ -234,7 +234,7 @@ impl PreparedTest for PreparedGpdc<'_> {
         result.value = of_ranks(&of_x.ranks, &of_y.ranks);
         let settings = &self.test.settings;
         let mut resampling = Resampling {
-            rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw()), x, y, &z),
+            rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw), x, y, &z),
             control: self.samples.control(),
         };
         match self.test.significance() {

@@ -171,8 +171,5 @@ const LEAST_RANK: usize = 64;
 /// can be waited for.
 pub(super) fn max_rank(n: usize) -> usize {
     let faster = 2 * n / 5;
-    if n <= LARGE {
-        return faster;
-    }
-    faster.min(((MOST_WORK / n as f64).sqrt() as usize).max(LEAST_RANK))
+    if n <= LARGE { faster } else { faster.min(((MOST_WORK / n as f64).sqrt() as usize).max(LEAST_RANK)) }
 }

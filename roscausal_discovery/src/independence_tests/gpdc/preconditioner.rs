@@ -31,10 +31,10 @@ pub(super) struct Preconditioner {
 impl Preconditioner {
     /// From a factor of the kernel matrix; `None` where `M` is not positive definite in double precision.
     pub(super) fn new(factor: Incomplete<f64>, theta: Theta) -> Option<Self> {
-        let (rank, left) = (factor.rank(), factor.remainder());
+        let (rank, left) = (factor.rank(), &factor.remainder);
         let roots: Vec<f64> = left.iter().map(|left| 1.0 / (left.max(0.0) + theta.s).sqrt()).collect();
         let n = roots.len();
-        let mut factor = factor.into_columns();
+        let mut factor = factor.columns;
         for column in factor[..n * rank].chunks_exact_mut(n) {
             column.iter_mut().zip(&roots).for_each(|(value, root)| *value *= root);
         }

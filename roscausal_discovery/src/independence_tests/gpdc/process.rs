@@ -88,9 +88,8 @@ fn check(target: &[f64], conditions: &[Vec<f64>]) -> Result<()> {
     }
     let mut rows = conditions.iter().map(Vec::as_slice).chain([target]);
     if conditions.is_empty() || rows.any(|row| is_constant(row) || !row.iter().all(|v| v.is_finite())) {
-        return Err(Error::Data(
-            "a regression needs conditions and a target that vary, of finite values".into(),
-        ));
+        let reason = "a regression needs conditions and a target that vary, of finite values";
+        return Err(Error::Data(reason.into()));
     }
     Ok(())
 }
@@ -367,9 +366,8 @@ impl GpRegression {
 
     fn factor(&self) -> Result<Llt<f64>> {
         if self.log_likelihood.is_nan() {
-            return Err(Error::Data(
-                "a resampled regression keeps no counts; ask the one that it was made of".into(),
-            ));
+            let reason = "a resampled regression keeps no counts; ask the one that it was made of";
+            return Err(Error::Data(reason.into()));
         }
         covariance(&self.inputs, self.theta.l, |_| self.theta.s)
     }
@@ -400,8 +398,7 @@ fn covariance(inputs: &Inputs, l: f64, noise: impl Fn(usize) -> f64) -> Result<L
 }
 
 fn solve(factor: &Llt<f64>, y: &[f64]) -> Vec<f64> {
-    let right = Col::from_fn(y.len(), |i| y[i]);
-    factor.solve(&right).iter().copied().collect()
+    factor.solve(&Col::from_fn(y.len(), |i| y[i])).iter().copied().collect()
 }
 
 #[cfg(test)]

@@ -317,12 +317,12 @@ impl GaussianProcess {
         let (inputs, forecast, resources) = (&self.inputs, &mut state.forecast, &self.resources);
         let mut at = Likelihood::for_search(inputs, theta, accuracy.error(expected), forecast, resources)?;
         let mut value = at.evaluate(y);
-        at.plan().inspect(|plan| forecast.learn(n, theta.s, *plan, value.truncation));
+        at.plan.inspect(|plan| forecast.learn(n, theta.s, *plan, value.truncation));
         let wanted = accuracy.error(value.steepness());
         if value.error() > TOO_LOOSE * wanted && !at.is_exact() {
             at = at.tightened(inputs, wanted, forecast, resources)?;
             value = at.evaluate(y);
-            at.plan().inspect(|plan| forecast.learn(n, theta.s, *plan, value.truncation));
+            at.plan.inspect(|plan| forecast.learn(n, theta.s, *plan, value.truncation));
         }
         if n <= LARGE {
             state.last = Some(at);
@@ -356,7 +356,7 @@ impl GaussianProcess {
             {
                 return None;
             }
-            start.plan().inspect(|plan| state.forecast.learn(n, theta.s, *plan, value.truncation));
+            start.plan.inspect(|plan| state.forecast.learn(n, theta.s, *plan, value.truncation));
             match start.pivots() {
                 Some(pivots) => state.forecast.pivots = Some((pivots.to_vec(), (theta.l, tolerance))),
                 None => state.forecast.too_high_rank = Some((theta.l, tolerance)),

@@ -125,7 +125,7 @@ pub(super) fn textbook<E>(
     mut evaluate: impl FnMut([f64; 2]) -> Result<(f64, [f64; 2]), E>,
 ) -> Result<Point<2>, E> {
     let mut minimizer = Minimizer::new(start, BOUNDS, Tolerances::default());
-    while let Some(x) = minimizer.wants() {
+    while let Some(x) = minimizer.wants {
         let (value, gradient) = evaluate(x)?;
         minimizer.tell(value, gradient);
     }
@@ -162,7 +162,7 @@ impl<'a> Path<'a> {
         mut self,
         evaluate: &mut impl FnMut([f64; 2], Accuracy) -> Result<Seen, E>,
     ) -> Result<Option<Point<2>>, E> {
-        while let Some(x) = self.minimizer.wants() {
+        while let Some(x) = self.minimizer.wants {
             if let Some(end) = self.end_on_model() {
                 if end.is_known() {
                     return Ok(Some(end.optimum));
@@ -181,7 +181,7 @@ impl<'a> Path<'a> {
             self.minimizer.tell(seen.point.value, seen.point.gradient);
             self.trail.push(seen);
         }
-        let all_ended = self.shadows.iter().all(|shadow| shadow.wants().is_none());
+        let all_ended = self.shadows.iter().all(|shadow| shadow.wants.is_none());
         Ok(self.minimizer.best().filter(|_| all_ended))
     }
 
@@ -197,7 +197,7 @@ impl<'a> Path<'a> {
         let last = self.minimizer.best().map_or(point.x, |at| at.x);
         let apart = APART + APART_PER_STEP * distance(point.x, last);
         self.shadows.iter_mut().enumerate().all(|(number, shadow)| {
-            let Some(wants) = shadow.wants() else { return false };
+            let Some(wants) = shadow.wants else { return false };
             // To first order, the value where the shadow is.
             let slope = (0..2).map(|i| point.gradient[i] * (wants[i] - point.x[i])).sum::<f64>();
             // Signs that differ from shadow to shadow and from place to place.
@@ -223,7 +223,7 @@ impl<'a> Path<'a> {
         let offset = start.value - at_start.value;
         let (mut search, mut before) = (self.minimizer.clone(), start);
         for _ in 0..MODEL_STEPS {
-            let Some(x) = search.wants() else { break };
+            let Some(x) = search.wants else { break };
             if distance(x, at.x) > MODEL_RADIUS {
                 return None;
             }
@@ -242,7 +242,7 @@ impl<'a> Path<'a> {
         let predicted = model.predict(optimum.x)?;
         let gain = at_start.value - predicted.value;
         let convex = predicted.curvature > CERTAINLY_CONVEX * predicted.curvature_deviation;
-        let ends = search.wants().is_none() && predicted.above_minimum < STATIONARY;
+        let ends = search.wants.is_none() && predicted.above_minimum < STATIONARY;
         let is_shelf = predicted.curvature < self.shelf && distance(optimum.x, at.x) > SEEN_NEAR;
         let end = End { optimum, predicted, enough, is_shelf };
         let known = predicted.left <= UNSEEN * enough;

@@ -108,8 +108,7 @@ pub fn run_dynotears(
         )));
     }
     let problem = Problem::new(&rows, settings);
-    let weights = problem.solve(settings, control)?;
-    let mut result = problem.result(&weights, &rows, settings);
+    let mut result = problem.result(&problem.solve(settings, control)?, &rows, settings);
     result.links.remarks = remarks(&rows, &result, settings);
     control.count(1);
     Ok(result)
@@ -157,7 +156,7 @@ struct Problem {
 
 impl Problem {
     fn new(rows: &CompleteRows, settings: &DynotearsSettings) -> Self {
-        let n = rows.n_vars();
+        let n = rows.n_vars;
         let size = n * (settings.tau_max + 1);
         let node = |row: usize| Node::new(row % n, row / n);
         let columns: Vec<Vec<f64>> = (0..size)
@@ -254,7 +253,7 @@ impl Problem {
         );
         let price: f64 =
             weights.iter().zip(&self.penalty).filter(|(w, _)| **w != 0.0).map(|(w, p)| w.abs() * p).sum();
-        let mut links = PcmciResult::untested(n, lags, rows.len() + rows.n_lost());
+        let mut links = PcmciResult::untested(n, lags, rows.len() + rows.n_lost);
         links.all_rest_on(rows, 0);
         let kept = without_cycles(&w, settings.threshold);
         for ((cause, effect, lag), mark) in links.graph.indexed_iter_mut() {
@@ -305,7 +304,7 @@ fn remarks(rows: &CompleteRows, result: &DynotearsResult, settings: &DynotearsSe
         "dynotears has no p-values: a link is a weight of at least {}, and p_value 0 says no more than that",
         settings.threshold
     )];
-    let deviations: Vec<f64> = (0..rows.n_vars())
+    let deviations: Vec<f64> = (0..rows.n_vars)
         .map(|var| moments(rows.column(Node::new(var, 0))).1)
         .filter(|deviation| *deviation > 0.0)
         .collect();
@@ -317,8 +316,7 @@ fn remarks(rows: &CompleteRows, result: &DynotearsResult, settings: &DynotearsSe
              the directions"
                 .into(),
         );
-    } else if (0..rows.n_vars()).any(|i| (0..rows.n_vars()).any(|j| result.links.graph[[i, j, 0]].is_link()))
-    {
+    } else if (0..rows.n_vars).any(|i| (0..rows.n_vars).any(|j| result.links.graph[[i, j, 0]].is_link())) {
         stated.push("on variables of equal scale little speaks for one direction at lag 0; hold them against pcmciplus".into());
     }
     if result.h > settings.h_tolerance {

@@ -103,10 +103,8 @@ pub fn run_lpcmci(
     let mut search = Search::new(&run, settings);
     let mut stages = Vec::new();
     let ended = all_phases(&mut search, &mut stages);
-    let phase = format!("{} phase", search.phase);
-    let result = result_of(&search, &run, ended, &phase)?;
-    let n_asked = search.n_asked;
-    Ok(LpcmciResult { result, stages, n_asked })
+    let result = result_of(&search, &run, ended, &format!("{} phase", search.phase))?;
+    Ok(LpcmciResult { result, stages, n_asked: search.n_asked })
 }
 
 /// What is found at the end of a search, or in the `phase` in which its time ended.
@@ -132,8 +130,7 @@ fn all_phases(search: &mut Search<'_, '_>, stages: &mut Vec<Stage>) -> Result<()
         search.phase = format!("preliminary {round}");
         search.ancestral_phase(true)?;
         stages.push(stage(search));
-        let remembered = search.causes_with_link();
-        search.initialise(&remembered);
+        search.initialise(&search.causes_with_link());
     }
     search.phase = "ancestral".to_owned();
     search.ancestral_phase(false)?;

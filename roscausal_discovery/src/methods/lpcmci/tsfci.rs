@@ -98,8 +98,7 @@ pub fn run_tsfci(
     let run = Run::new(test, &samples)?;
     let mut search = Search::new(&run, &settings).like_fci();
     let ended = all_phases(&mut search);
-    let phase = format!("phase of {}", search.phase);
-    result_of(&search, &run, ended, &phase)
+    result_of(&search, &run, ended, &format!("phase of {}", search.phase))
 }
 
 fn all_phases(search: &mut Search<'_, '_>) -> Result<()> {

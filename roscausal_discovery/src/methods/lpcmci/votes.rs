@@ -32,8 +32,7 @@ impl Search<'_, '_> {
         let sets = self.votes.get(&(pair, searched)).map_or(&[][..], Vec::as_slice);
         // What is later than both is in no set.
         let b = b.lag.checked_sub(shift).map(|lag| Node::new(b.var, lag));
-        let with = b.map_or(0, |b| sets.iter().filter(|set| set.contains(&b)).count());
-        Ok((with, sets.len()))
+        Ok((b.map_or(0, |b| sets.iter().filter(|set| set.contains(&b)).count()), sets.len()))
     }
 
     /// The sets on record, and those found by a search.

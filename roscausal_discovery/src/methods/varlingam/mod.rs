@@ -120,7 +120,7 @@ pub fn run_varlingam(
     let order = order::causal_order(&left, &settings.exogenous, control)?;
     let model = Model::new(&of_past, (&nodes, &frame), &left, &order.variables, settings);
     let mut links = model.links(&of_past, lags, settings);
-    if settings.check_residuals && !control.is_silent() {
+    if settings.check_residuals && !control.silent {
         links.remarks =
             checks::remarks(data.var_names(), &model.residuals(&of_past.rows), &order.margins, &links);
     }
@@ -221,7 +221,7 @@ impl Model {
         order: &[usize],
         settings: &VarlingamSettings,
     ) -> Self {
-        let n = of_past.rows.n_vars();
+        let n = of_past.rows.n_vars;
         let lags = of_past.causes.len() / n.max(1);
         let shape = (n, n, lags + 1);
         let mut model = Self {
@@ -295,9 +295,9 @@ impl Model {
     }
 
     fn links(&self, of_past: &Autoregression, lags: usize, settings: &VarlingamSettings) -> PcmciResult {
-        let n = of_past.rows.n_vars();
+        let n = of_past.rows.n_vars;
         let rows = &of_past.rows;
-        let mut links = PcmciResult::untested(n, settings.tau_max, rows.len() + rows.n_lost());
+        let mut links = PcmciResult::untested(n, settings.tau_max, rows.len() + rows.n_lost);
         links.all_rest_on(rows, 0);
         links.n_tests = n * (n * lags + n - 1);
         for (at, &p) in self.p_values.indexed_iter() {
@@ -331,7 +331,7 @@ impl Model {
             without_rounding(&mut left, rows.column(Node::new(effect, 0)));
             left
         };
-        (0..rows.n_vars()).into_par_iter().map(of).collect()
+        (0..rows.n_vars).into_par_iter().map(of).collect()
     }
 }
 

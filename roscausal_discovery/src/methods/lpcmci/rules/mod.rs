@@ -108,9 +108,7 @@ fn apply(search: &mut Search<'_, '_>, proposals: Proposals) -> Result<bool> {
 /// Removes and fixes links. One that is to do both is in conflict.
 fn apply_links(search: &mut Search<'_, '_>, remove: Vec<(Pair, Vec<Node>)>, fix: &[Pair]) -> Result<bool> {
     let mut by_pair: BTreeMap<Pair, Vec<Vec<Node>>> = BTreeMap::new();
-    for (pair, set) in remove {
-        by_pair.entry(pair).or_default().push(set);
-    }
+    remove.into_iter().for_each(|(pair, set)| by_pair.entry(pair).or_default().push(set));
     for &pair in fix {
         let middle = if by_pair.contains_key(&pair) { Middle::Conflict } else { Middle::Final };
         search.graph.put_middle(pair, middle);
@@ -119,9 +117,7 @@ fn apply_links(search: &mut Search<'_, '_>, remove: Vec<(Pair, Vec<Node>)>, fix:
         if fix.contains(&pair) {
             continue;
         }
-        for set in sets {
-            search.add_separating(pair, set, false);
-        }
+        sets.into_iter().for_each(|set| search.add_separating(pair, set, false));
         search.remove(pair);
         search.make_minimal(pair)?;
     }
