@@ -1,6 +1,6 @@
 //! Writes the Rust types of all messages and services from their texts: a file for each package, and the list of the types.
 //!
-//! The folder of a text says what it is. `msg/` and `srv/` are our own. In `foreign/PACKAGE/`, `msg/` has what both ROS
+//! The folder of a text says what it is. `msg/` and `srv/` are our own. In `foreign/PACKAGE/`, `msg/` and `srv/` have what both ROS
 //! versions have, `ros1/` and `ros2/` what only one has so, and `hrisim/` what ROS-Causal_HRISim changed in pedsim_msgs.
 //!
 //! Comments become documentation. The comment at the top, before an empty line, is the type's; one behind a field or a
@@ -286,7 +286,10 @@ fn main() -> Result<()> {
             types += &messages.rust(message)?;
             match message.name.strip_suffix("Response").filter(|_| message.folder == "srv") {
                 Some(service) => {
-                    types += &format!("service!({service}, {service}Request, {service}Response);\n")
+                    types += &format!(
+                        "service!({:?}, {service}, {service}Request, {service}Response);\n",
+                        message.package
+                    )
                 }
                 None if message.folder != "srv" => list += &format!("{},\n", message.path()),
                 None => {}

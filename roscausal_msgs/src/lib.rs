@@ -30,15 +30,15 @@ macro_rules! message {
     };
 }
 
-/// A service of ours.
+/// A service.
 macro_rules! service {
-    ($name:ident, $request:ident, $response:ident) => {
+    ($package:literal, $name:ident, $request:ident, $response:ident) => {
         #[doc = concat!("The service of [`", stringify!($request), "`] and [`", stringify!($response), "`].")]
         #[derive(Clone, Copy, Debug)]
         pub struct $name;
 
         impl $crate::Service for $name {
-            const PACKAGE: &'static str = "roscausal_msgs";
+            const PACKAGE: &'static str = $package;
             const NAME: &'static str = stringify!($name);
             type Request = $request;
             type Response = $response;
@@ -72,6 +72,8 @@ pub mod visualization_msgs;
 packages! {
     /// `actionlib_msgs`.
     actionlib_msgs,
+    /// `dynamic_reconfigure`; only ROS 1 has it.
+    dynamic_reconfigure,
     /// `diagnostic_msgs`.
     diagnostic_msgs,
     /// `hri_msgs`, from ROS4HRI (REP-155).

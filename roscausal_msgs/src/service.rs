@@ -53,6 +53,7 @@ mod tests {
         ];
         assert_eq!(all::<WhatIf>(), what_if);
         assert_eq!(Explain::ros1_md5(), "b2ee5cddaa2ed9254829d14cff997ea9");
+        assert_eq!(crate::dynamic_reconfigure::Reconfigure::ros1_md5(), "bb125d226a21982a4a98760418dc2672");
         assert_eq!(Effect::ros1_md5(), "5f7c3b690496b304125f4fb6de8b3751");
     }
 }

@@ -21,7 +21,7 @@ export PYTHONDONTWRITEBYTECODE=1
 debian_missing "${debian_catkin[@]}" catkin-tools python3-rosmaster python3-roslaunch rosout rosbash python3-rospy python3-rostopic \
   python3-rosparam python3-rosnode python3-rosbag python3-rosmsg python3-rosservice python3-nav-msgs python3-sensor-msgs \
   python3-tf2-ros python3-move-base-msgs python3-visualization-msgs ros-nav-msgs ros-sensor-msgs ros-tf2-msgs ros-rosgraph-msgs \
-  ros-move-base-msgs
+  ros-move-base-msgs python3-dynamic-reconfigure
 prepare_only "$@"
 
 work=$(mktemp -d -t roscausal-ros1-XXXXXX)
@@ -54,7 +54,7 @@ set -u
 : >"$work/results"
 for group in $groups; do
   echo "== $group"
-  timeout -k 30 700 /usr/bin/python3 "$here/ros1/$group.py" 2>"$work/$group.err" | tee -a "$work/results"
+  timeout -k 30 1500 /usr/bin/python3 "$here/ros1/$group.py" 2>"$work/$group.err" | tee -a "$work/results"
   code=${PIPESTATUS[0]}
   # a group that failed without printing a line
   if [ "$code" -ne 0 ] && { [ "$code" -ne 1 ] || ! tail -50 "$work/results" | grep -q '^FAIL'; }; then

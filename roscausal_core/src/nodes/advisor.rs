@@ -7,6 +7,8 @@
 //!
 //! It publishes no velocity, and it is no safety function: a robot's own limits and its emergency stop stay what they are.
 //!
+//! A planner of ROS 1 has its top speed set instead (`planner_speed`).
+//!
 //! The watchdog node is a process of its own: when limits stop coming, because the advisor was killed or hangs, it publishes `otherwise` in
 //! its place.
 
@@ -17,7 +19,11 @@ use roscausal_msgs::{
     std_msgs::Header,
 };
 
-use super::{health::Health, reasoning::WHAT_IF_SERVICE};
+use super::{
+    health::Health,
+    planner_speed::{self, Planner},
+    reasoning::WHAT_IF_SERVICE,
+};
 use crate::{
     Error, Result,
     inbox::{Inbox, Next},
@@ -62,12 +68,14 @@ fn limit_specs() -> Vec<ParamSpec> {
     use Allowed::{Any, Range};
     use Value::{Bool, Double};
     let text = |text: &str| Value::Str(text.to_owned());
-    param_specs! {
+    let mut specs = param_specs! {
         "top_speed" = Double(0.0), Range(0.0, 100.0), "the planner's own top speed, m/s, above which no limit goes; 0: not known";
         "percentage" = Bool(false), Any, "publish per cent of top_speed instead of m/s";
         "otherwise" = text(""), Any, "limit without a supported answer, m/s; none or empty: no limit";
         "speed_limit_topic" = text("speed_limit"), Any, "nav2_msgs/SpeedLimit for the controller server";
-    }
+    };
+    specs.extend(planner_speed::specs());
+    specs
 }
 
 fn number(name: &'static str, text: &str) -> Result<f64> {
@@ -195,11 +203,13 @@ pub fn advisor<M: Middleware>(mw: &M) -> Result<()> {
     let params = Params::read(mw, &specs())?;
     let advice = Advice::read(&params)?;
     let publisher = mw.advertise::<SpeedLimit>(&params.text("speed_limit_topic"), Qos::Latched)?;
+    let mut planner = Planner::read(&params);
     let mut health = Health::new(mw)?;
     let inbox = Inbox::<()>::detached(mw, 1);
     let (mut due, mut last) = (mw.now(), None);
     loop {
         if inbox.next(mw, Some(due)) == Next::Shutdown {
+            planner.iter_mut().for_each(|planner| planner.limit(mw, advice.limits.otherwise));
             // Whoever reads the limit no longer hears of it.
             let _ = publisher.publish(&advice.limits.message(mw, advice.limits.otherwise));
             // DDS sends on a thread of its own, which ends with the node.
@@ -210,6 +220,7 @@ pub fn advisor<M: Middleware>(mw: &M) -> Result<()> {
         let (limit, why) =
             advice.limit(mw.call::<WhatIf>(WHAT_IF_SERVICE, &advice.question, advice.patience));
         publisher.publish(&advice.limits.message(mw, limit))?;
+        planner.iter_mut().for_each(|planner| planner.limit(mw, limit));
         health.sent();
         if last != Some(limit) {
             tracing::info!("{}: {why}", in_words(limit));
@@ -232,6 +243,7 @@ pub fn watchdog<M: Middleware>(mw: &M) -> Result<()> {
     let (limits, silence_s, topic) =
         (Limits::read(&params)?, params.double("silence"), params.text("speed_limit_topic"));
     let publisher = mw.advertise::<SpeedLimit>(&topic, Qos::Latched)?;
+    let mut planner = Planner::read(&params);
     let inbox = Inbox::<SpeedLimit>::new(mw, 10);
     let sender = inbox.sender();
     // Its own limits come back.
@@ -245,6 +257,7 @@ pub fn watchdog<M: Middleware>(mw: &M) -> Result<()> {
             Next::Deadline => {
                 let limit = limits.message(mw, limits.otherwise);
                 publisher.publish(&limit)?;
+                planner.iter_mut().for_each(|planner| planner.limit(mw, limits.otherwise));
                 tracing::warn!("no limit came for {silence_s} s: {}", in_words(limits.otherwise));
                 (due, own) = (None, Some(limit));
             }

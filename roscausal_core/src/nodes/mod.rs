@@ -12,6 +12,7 @@ mod link_ages;
 mod markers;
 mod model_changes;
 pub mod model_messages;
+mod planner_speed;
 mod reasoning;
 mod reasoning_messages;
 mod reasoning_params;

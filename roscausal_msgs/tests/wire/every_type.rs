@@ -50,6 +50,12 @@ macro_rules! for_every_type {
             nav_msgs::Path
             tf2_msgs::TFMessage
             actionlib_msgs::GoalID
+            dynamic_reconfigure::BoolParameter
+            dynamic_reconfigure::Config
+            dynamic_reconfigure::DoubleParameter
+            dynamic_reconfigure::GroupState
+            dynamic_reconfigure::IntParameter
+            dynamic_reconfigure::StrParameter
             move_base_msgs::MoveBaseGoal
             move_base_msgs::MoveBaseActionGoal
             pedsim_msgs::AgentForce

@@ -11,6 +11,8 @@ import threading
 import time
 
 import rospy
+from dynamic_reconfigure.msg import Config, DoubleParameter
+from dynamic_reconfigure.srv import Reconfigure, ReconfigureResponse
 from roscausal_msgs.msg import Action, CausalLink, CausalModelInfo, CostTerm, Features, Intervention, Limit, Prediction, RobotState
 from roscausal_msgs.srv import (Effect, EffectRequest, Explain, ExplainRequest, WhatIf, WhatIfRequest, WhatIfResponse)
 
@@ -243,6 +245,31 @@ def a_restarted_node_has_its_rows_again_and_gives_the_same_answer(roscore):
             time.sleep(0.2)
             got = eventually(again, 30, "an answer of the new node", period=0.2)
         assert str(got.outlooks) == str(first.outlooks) and got.model_id == first.model_id
+
+
+@case
+def the_advisor_sets_a_planner_s_top_speed_and_the_watchdog_gives_it_back_after_a_kill(roscore):
+    speeds = [0.55]
+
+    def set_parameters(request):
+        speeds.extend(double.value for double in request.config.doubles if double.name == "max_vel_x")
+        return ReconfigureResponse(Config(doubles=[DoubleParameter("max_vel_x", speeds[-1])]))
+
+    service = rospy.Service("/move_base/DWAPlannerROS/set_parameters", Reconfigure, set_parameters)
+    for node in ("advisor", "watchdog"):
+        roscore.param("/roscausal_%s/planner" % node, "/move_base/DWAPlannerROS")
+    # to be slow pays
+    roscore.param("/roscausal_advisor/cost", ["r_v=1.0"])
+    roscore.param("/roscausal_watchdog/silence", 1.0)
+    with tempfile.TemporaryDirectory() as folder:
+        batch, graph, _ = known_system.write(folder, noise=known_system.WIDE)
+        roscore.param("/roscausal_reasoning/allow_extrapolation", True)
+        with reasoning(roscore, batch, graph), Process(NODE, "watchdog"), Process(NODE, "advisor") as advisor:
+            eventually(lambda: speeds[-1] == 0.2, 40, lambda: "0.2 m/s: %s\n%s" % (speeds, advisor.text))
+            advisor.send(signal.SIGKILL)
+            eventually(lambda: speeds[-1] == 0.55, 20, lambda: "its own 0.55 m/s: %s" % speeds)
+            assert max(speeds) == 0.55, speeds
+    service.shutdown()
 
 
 @case
