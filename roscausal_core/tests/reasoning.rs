@@ -392,7 +392,7 @@ fn a_question_that_is_cancelled_ends_and_the_next_is_answered() {
     assert_eq!(cancel(0.0), 0, "nothing runs");
     let long = thread::spawn(move || {
         let planner = asks.node("impatient");
-        let long = WhatIfRequest { horizon: 1000, ..slow_or_fast() };
+        let long = WhatIfRequest { horizon: 50, ..slow_or_fast() };
         planner.call::<WhatIf>(nodes::WHAT_IF_SERVICE, &long, 10 * PATIENCE).expect("an answer")
     });
     let begun = Instant::now();

@@ -20,7 +20,7 @@ const MOST_CURVED: usize = 2;
 const CURVED_Z: f64 = 5.0;
 const CURVED: f64 = 1e-6;
 
-/// Level at which the newest batch must show a change alone.
+/// Level at which the batches behind the first one must show a change alone: that one may have old rows.
 const ALONE: f64 = 0.01;
 
 /// The batches before and those after, which are compared.
@@ -217,7 +217,7 @@ pub(super) struct Changed {
 }
 
 impl Comparison<'_> {
-    /// The links that differ between the groups at `level`, alike in the newest batch alone, most certain first. A link joins the conditions of its effect once it is found, so that the next one is a change of its own. The first one
+    /// The links that differ between the groups at `level`, alike behind the first batch alone, most certain first. A link joins the conditions of its effect once it is found, so that the next one is a change of its own. The first one
     /// must have been `suspected` in the same direction; `known` ones, and other lags of a pair, are not told again.
     pub(super) fn changed(
         &self,
@@ -228,11 +228,11 @@ impl Comparison<'_> {
         suspected: Option<&[Difference]>,
     ) -> Result<Changed> {
         let (mut found, mut all): (Vec<Difference>, Option<Vec<Difference>>) = (Vec::new(), None);
-        let Some(newest) = after.last() else { return Ok(Changed { found, mechanisms, all: Vec::new() }) };
+        let later = after.get(1..).filter(|later| !later.is_empty()).unwrap_or(after);
         known.iter().for_each(|at| mechanisms.add(*at));
         loop {
             let together = self.differences((before, after), &mechanisms)?;
-            let alone = self.differences((before, &[newest]), &mechanisms)?;
+            let alone = self.differences((before, later), &mechanisms)?;
             let is_told = |at: Place| {
                 let told = known.iter().copied().chain(found.iter().map(|told| told.at));
                 // One curve that changes may show in those of other causes.
@@ -256,8 +256,7 @@ impl Comparison<'_> {
             else {
                 return Ok(Changed { found, mechanisms, all: all.unwrap_or(together) });
             };
-            // An earlier batch may have old rows: what the link is now, the newest one tells alone.
-            let next = self.described(next, (before, &[newest]), &mechanisms);
+            let next = self.described(next, (before, later), &mechanisms);
             found.push(Difference { p: of.p, q: of.q, ..next });
             mechanisms.add(of.at);
             all.get_or_insert(together);

@@ -306,15 +306,22 @@ impl Detector {
             return Ok(Vec::new());
         }
         let mut events = Vec::new();
-        if let Some(held) = self.held.take() {
-            match self.decide(held, &batch, control, &mut events)? {
-                Some(held) => held.into_iter().for_each(|batch| self.join(batch)),
-                None => return Ok(events),
-            }
-        }
-        self.look_again(&batch, control, &mut events)?;
-        self.suspect(batch, control, &mut events)?;
+        self.take(batch, control, &mut events)?;
         Ok(events)
+    }
+
+    /// Takes a batch. Where a suspicion is withdrawn, the batches that waited for it are taken anew: another link may have changed in them.
+    fn take(&mut self, batch: Batch, control: &Control, events: &mut Vec<ChangeEvent>) -> Result<()> {
+        if let Some(held) = self.held.take() {
+            let Some(Suspicion { batch: first, more, .. }) = self.decide(held, &batch, control, events)?
+            else {
+                return Ok(());
+            };
+            self.join(first);
+            return more.into_iter().chain([batch]).try_for_each(|batch| self.take(batch, control, events));
+        }
+        self.look_again(&batch, control, events)?;
+        self.suspect(batch, control, events)
     }
 
     /// What else changed when the present regime began: the newest batches may show what the first ones did not.
@@ -402,14 +409,14 @@ impl Detector {
         Ok(())
     }
 
-    /// Stage two: what the next batch says of a suspicion. Returns the batches that were held back if it is withdrawn.
+    /// Stage two: what the next batch says of a suspicion. Returns it if it is withdrawn.
     fn decide(
         &mut self,
         mut held: Suspicion,
         next_batch: &Batch,
         control: &Control,
         events: &mut Vec<ChangeEvent>,
-    ) -> Result<Option<Vec<Batch>>> {
+    ) -> Result<Option<Suspicion>> {
         let regime: Vec<&Batch> = self.regime.iter().collect();
         let both: Vec<&Batch> = [&held.batch].into_iter().chain(&held.more).chain([next_batch]).collect();
         let comparison = self.comparison(control);
@@ -458,8 +465,8 @@ impl Detector {
         let since = since.map_or(held.batch.first, |row| row.clamp(held.batch.first, next_batch.first));
         events.extend(reported);
         if confirmed.is_empty() {
-            self.baseline.add(held.all);
-            return Ok(Some([held.batch].into_iter().chain(held.more).collect()));
+            self.baseline.add(held.all.clone());
+            return Ok(Some(held));
         }
         self.since = since;
         self.reported += more;

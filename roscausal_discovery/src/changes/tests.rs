@@ -57,9 +57,10 @@ fn a_link_that_changes_is_confirmed_with_its_kind_and_its_time() {
         let (before, after, kind) = case;
         let events =
             |seed| confirmed(&series(2000, seed, |t| if t < 1000 { before } else { after }, |_| 1.0));
-        (kind, (1..=20).filter(|&seed| is_told(&events(seed), case)).count())
+        (kind, (1..=40).filter(|&seed| is_told(&events(seed), case)).count())
     });
-    assert!(right.iter().all(|(_, count)| *count >= 15), "of 20 each: {right:?}");
+    // Where nine of ten are right, fewer than 30 of 40 are once in five hundred times.
+    assert!(right.iter().all(|(_, count)| *count >= 30), "of 40 each: {right:?}");
 }
 
 #[test]
