@@ -150,7 +150,7 @@ pub(crate) fn sentence(model: &Model, link: &Link) -> String {
 
 /// The samples of a link, where its test had much less to go by than others.
 fn few(model: &Model, used: Option<usize>) -> Option<usize> {
-    used.filter(|used| 10 * used < 9 * model.n_samples)
+    used.filter(|used| (*used as f64) < 0.9 * model.n_samples as f64)
 }
 
 /// ` (0.41 to 0.55)`, the strengths in nine of ten resamples.

@@ -256,7 +256,11 @@ impl Comparison<'_> {
             else {
                 return Ok(Changed { found, mechanisms, all: all.unwrap_or(together) });
             };
-            let next = self.described(next, (before, later), &mechanisms);
+            // What the link is now, the newest batch tells alone: where the suspicion began early, others have old rows.
+            let newest = after.get(after.len().saturating_sub(1)..).unwrap_or(after);
+            let now = self.differences((before, newest), &mechanisms)?;
+            let next = now.into_iter().find(|now| now.at == of.at).unwrap_or(next);
+            let next = self.described(next, (before, newest), &mechanisms);
             found.push(Difference { p: of.p, q: of.q, ..next });
             mechanisms.add(of.at);
             all.get_or_insert(together);

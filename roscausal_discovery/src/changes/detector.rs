@@ -431,7 +431,12 @@ impl Detector {
                 now.q <= self.levels.suspect && (self.form == Form::Curve || now.rises() == seen.rises())
             })
         };
-        if confirmed.is_empty() && held.more.len() < MORE && held.links.iter().any(is_open) {
+        let waits = confirmed.is_empty() && held.more.len() < MORE && held.links.iter().any(is_open);
+        // Another link that differs in the new batch must not wait for this suspicion.
+        let is_other = |now: &Difference| {
+            now.q <= self.levels.suspect && held.links.iter().all(|(seen, _)| seen.at != now.at)
+        };
+        if waits && !comparison.differences((&regime, &[next_batch]), &mechanisms)?.iter().any(is_other) {
             held.more.push(next_batch.clone());
             self.held = Some(held);
             return Ok(None);
