@@ -38,6 +38,8 @@ preparing=$!
 run "building" build_all
 run "cargo test" cargo test "${workspace[@]}" --no-fail-fast
 wait "$preparing"
+# Cargo's lock is held while the wheel is built, and all lanes would wait for it.
+run "building the wheel" env WHEELS="$kept" tests/python.sh --wheel
 
 # Side by side: what waits for nodes, and what computes, which leaves the cores to the others when they want them.
 lane "${waiting[@]}" &
@@ -59,6 +61,6 @@ while read -r code _ _ what; do
   echo "--- the end of its output:" >&2
   tail -25 "$kept/${what//\//_}.log" >&2
 done <"$kept/results"
-parts=$((2 + ${#waiting[@]} + ${#waiting_too[@]} + ${#computing[@]}))
+parts=$((3 + ${#waiting[@]} + ${#waiting_too[@]} + ${#computing[@]}))
 [ "$(wc -l <"$kept/results")" = "$parts" ] || { echo "!!! FAILED: not all of the $parts parts have told how they ended" >&2; exit 1; }
 ! grep -qvE '^(0|77) ' "$kept/results"
