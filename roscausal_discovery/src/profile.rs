@@ -180,6 +180,10 @@ fn few(samples: usize) -> String {
 
 /// The variables whose missing values cost many of the rows in which all others have one, dearest first, in one sentence.
 fn costly(data: &DataFrame, names: &[String]) -> Option<String> {
+    // Both of two are needed.
+    if names.len() < 3 {
+        return None;
+    }
     let (mut complete, mut without) = (0, vec![0; names.len()]);
     for row in data.recordings().iter().flat_map(|recording| recording.rows()) {
         let mut missing = (0..names.len()).filter(|&var| row[var].is_nan());
@@ -194,7 +198,7 @@ fn costly(data: &DataFrame, names: &[String]) -> Option<String> {
     dear.sort_by_key(|(more, _)| std::cmp::Reverse(*more));
     let each = |(more, name): &(usize, &String)| format!("without {name} {}", complete + more);
     let each: Vec<String> = dear.iter().take(MOST_DEAR).map(each).collect();
-    (!each.is_empty() && names.len() > 2).then(|| {
+    (!each.is_empty()).then(|| {
         format!(
             "{complete} rows have a value of every variable, {}; {} '!name' leaves one out",
             each.join(", "),

@@ -17,9 +17,9 @@ use crate::{
 };
 
 /// What is computed of an entry.
-pub(super) const NUMBERS: [&str; 9] = ["x", "y", "z", "vx", "vy", "yaw", "gx", "gy", "only"];
+const NUMBERS: [&str; 9] = ["x", "y", "z", "vx", "vy", "yaw", "gx", "gy", "only"];
 /// What is read of it as it is.
-pub(super) const FIELDS: [&str; 3] = ["id", "frame", "stamp"];
+const FIELDS: [&str; 3] = ["id", "frame", "stamp"];
 
 /// A topic of people, and where its messages have what, if the user says it.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -34,12 +34,10 @@ impl Comparison<'_> {
             Form::Slope => self.linear_parents(before, after)?,
             Form::Curve => curves::inputs(self, before, after),
         };
-        let all: Vec<&Batch> = before.iter().chain(after).copied().collect();
-        let curved = |(effect, parents): (usize, &Vec<Node>)| match self.form {
-            Form::Slope if !self.exogenous.contains(&effect) => self.curved(&all, effect, parents),
-            _ => Vec::new(),
+        let curved = match self.form {
+            Form::Slope => self.curved(&[before, after].concat(), &parents),
+            Form::Curve => vec![Vec::new(); parents.len()],
         };
-        let curved = parents.iter().enumerate().map(curved).collect();
         let one_sided: Vec<usize> =
             self.exogenous.iter().copied().filter(|&var| range(before, var) != range(after, var)).collect();
         // Where it is (nearly) constant within each batch, nothing says which mechanisms it touches.
@@ -75,37 +73,48 @@ impl Comparison<'_> {
         Ok(parents)
     }
 
-    /// The nodes whose squares drive an effect beyond its parents, strongest first.
-    fn curved(&self, batches: &[&Batch], effect: usize, parents: &[Node]) -> Vec<Node> {
+    /// For each effect the nodes whose squares drive it beyond its parents, strongest first.
+    fn curved(&self, batches: &[&Batch], parents: &[Vec<Node>]) -> Vec<Vec<Node>> {
+        let squared: Vec<(Node, Vec<f64>)> =
+            self.nodes().map(|node| (node, squares(batches, node, self.past()))).collect();
+        let of_effect = |(effect, parents): (usize, &Vec<Node>)| match self.exogenous.contains(&effect) {
+            true => Vec::new(),
+            false => self.curved_of(batches, &squared, effect, parents),
+        };
+        parents.iter().enumerate().map(of_effect).collect()
+    }
+
+    fn curved_of(
+        &self,
+        batches: &[&Batch],
+        squared: &[(Node, Vec<f64>)],
+        effect: usize,
+        parents: &[Node],
+    ) -> Vec<Node> {
         let of = |node: Node| column(batches, node, self.past());
-        let square = |node: Node| squares(batches, node, self.past());
         let y = of(Node::new(effect, 0));
-        let nodes: Vec<Node> = (0..self.names.len())
-            .flat_map(|var| (1..=self.tau_max).map(move |lag| Node::new(var, lag)))
-            .collect();
         let (mut found, mut given): (Vec<Node>, Vec<Vec<f64>>) =
             (Vec::new(), parents.iter().map(|&node| of(node)).collect());
         while found.len() < MOST_CURVED {
             let refs: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
             let Some(left) = Conditions::new(&refs).map(|given| given.residuals(&y)) else { break };
-            let stands_out = |node: &Node| {
-                let squares = square(*node);
-                let scale = (dot(&squares, &squares) * dot(&left, &left) / left.len() as f64).sqrt();
-                dot(&squares, &left).abs() / scale
+            let stands_out = |squares: &[f64]| {
+                let scale = (dot(squares, squares) * dot(&left, &left) / left.len() as f64).sqrt();
+                dot(squares, &left).abs() / scale
             };
-            let new = nodes.iter().filter(|node| !found.contains(node)).map(|node| (*node, stands_out(node)));
-            let best = new.filter(|(_, z)| *z >= CURVED_Z).max_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((node, _)) = best else { break };
-            let squares = square(node);
+            let new = squared.iter().filter(|(node, _)| !found.contains(node));
+            let new = new.map(|(node, squares)| (*node, squares, stands_out(squares)));
+            let best = new.filter(|(.., z)| *z >= CURVED_Z).max_by(|a, b| a.2.total_cmp(&b.2));
+            let Some((node, squares, _)) = best else { break };
             if !parents.contains(&node) {
                 given.push(of(node));
             }
             let refs: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
-            if slope(&y, &squares, &refs, batches.len()).is_none_or(|slope| slope.p_value() > CURVED) {
+            if slope(&y, squares, &refs, batches.len()).is_none_or(|slope| slope.p_value() > CURVED) {
                 break;
             }
             found.push(node);
-            given.push(squares);
+            given.push(squares.clone());
         }
         found
     }
@@ -116,10 +125,9 @@ impl Comparison<'_> {
         let n = self.names.len();
         let mut all = Vec::new();
         for effect in (0..n).filter(|&var| !mechanisms.left_out[var] && !self.exogenous.contains(&var)) {
-            let curved = mechanisms.curved[effect].iter().map(|node| node.var).filter(|var| *var != effect);
-            let curved: Vec<usize> = curved.collect();
+            let bending = mechanisms.bending(effect);
             let is_compared =
-                |cause: &usize| *cause != effect && (curved.is_empty() || curved.contains(cause));
+                |cause: &usize| *cause != effect && (bending.is_empty() || bending.contains(cause));
             for cause in (0..n).filter(is_compared) {
                 all.extend((1..=self.tau_max).map(|lag| Place { cause, effect, lag }));
             }
@@ -129,12 +137,21 @@ impl Comparison<'_> {
 
     /// The slope of a link in a group of batches.
     pub(super) fn slope(&self, batches: &[&Batch], at: Place, mechanisms: &Mechanisms) -> Option<Slope> {
-        let of = |node: Node| column(batches, node, self.past());
-        let (y, x) = (of(Node::new(at.effect, 0)), of(Node::new(at.cause, at.lag)));
-        let mut given: Vec<Vec<f64>> = mechanisms.given(at).into_iter().map(of).collect();
-        given.extend(mechanisms.curved[at.effect].iter().map(|&node| squares(batches, node, self.past())));
+        let x = column(batches, Node::new(at.cause, at.lag), self.past());
+        self.slope_on(batches, at.effect, &x, &self.conditions(batches, at, mechanisms))
+    }
+
+    fn slope_on(&self, batches: &[&Batch], effect: usize, x: &[f64], given: &[Vec<f64>]) -> Option<Slope> {
+        let y = column(batches, Node::new(effect, 0), self.past());
         let given: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
-        slope(&y, &x, &given, batches.len())
+        slope(&y, x, &given, batches.len())
+    }
+
+    /// The conditions of a possible link in a group of batches.
+    pub(super) fn conditions(&self, batches: &[&Batch], at: Place, mechanisms: &Mechanisms) -> Vec<Vec<f64>> {
+        let given = mechanisms.given(at).into_iter().map(|node| column(batches, node, self.past()));
+        let curved = mechanisms.curved[at.effect].iter();
+        given.chain(curved.map(|&node| squares(batches, node, self.past()))).collect()
     }
 
     /// The slope of an effect on the square of a node.
@@ -145,23 +162,47 @@ impl Comparison<'_> {
         let curved = mechanisms.curved[effect].iter().filter(|other| **other != node);
         let given: Vec<Vec<f64>> =
             others.map(|&other| of(other)).chain(curved.map(|&other| square(other))).collect();
-        let given: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
-        slope(&of(Node::new(effect, 0)), &square(node), &given, batches.len())
+        self.slope_on(batches, effect, &square(node), &given)
     }
 
-    fn slopes_differ(&self, (before, after): Groups<'_>, mechanisms: &Mechanisms) -> Result<Vec<Difference>> {
-        let (mut found, groups) = (Vec::new(), [before, after]);
+    /// Effect, cause, and how far their bends are apart, of those that are compared.
+    fn bends_differ(&self, (before, after): Groups<'_>, mechanisms: &Mechanisms) -> Vec<(usize, usize, f64)> {
+        let mut found = Vec::new();
+        for effect in (0..self.names.len()).filter(|&effect| !mechanisms.left_out[effect]) {
+            for node in mechanisms.curved[effect].iter().filter(|node| node.var != effect) {
+                let bends = [before, after].map(|group| self.bend(group, *node, effect, mechanisms));
+                if let [Some(before), Some(after)] = bends {
+                    found.push((effect, node.var, before.z_of_same(after).abs()));
+                }
+            }
+        }
+        found
+    }
+
+    /// What a link was and is.
+    fn of_link(
+        &self,
+        at: Place,
+        groups: Groups<'_>,
+        mechanisms: &Mechanisms,
+    ) -> Option<(Slope, Slope, Kind)> {
+        if self.form == Form::Curve {
+            return curves::describe(self, groups, at, mechanisms);
+        }
+        let (before, after) = (self.slope(groups.0, at, mechanisms)?, self.slope(groups.1, at, mechanisms)?);
+        Some((before, after, kind_of(before, after)))
+    }
+
+    fn slopes_differ(&self, groups: Groups<'_>, mechanisms: &Mechanisms) -> Result<Vec<Difference>> {
+        let mut found = Vec::new();
+        let bends = self.bends_differ(groups, mechanisms);
         for at in self.places(mechanisms) {
             self.control.check()?;
-            if let [Some(before), Some(after)] = groups.map(|group| self.slope(group, at, mechanisms)) {
-                let (kind, mut z) = (kind_of(before, after), before.z_of_same(after));
+            if let Some((before, after, kind)) = self.of_link(at, groups, mechanisms) {
                 // Where a cause bends, its slope depends on where its values lie; a change moves the bend, too.
-                for node in mechanisms.curved[at.effect].iter().filter(|node| node.var == at.cause) {
-                    let bends = groups.map(|group| self.bend(group, *node, at.effect, mechanisms));
-                    if let [Some(before), Some(after)] = bends {
-                        z = z.clamp(-before.z_of_same(after).abs(), before.z_of_same(after).abs());
-                    }
-                }
+                let of_pair =
+                    bends.iter().filter(|(effect, cause, _)| (*effect, *cause) == (at.effect, at.cause));
+                let z = of_pair.fold(before.z_of_same(after), |z, (.., most)| z.clamp(-most, *most));
                 found.push(Difference { at, before, after, kind, z, p: 1.0, q: 1.0 });
             }
         }
@@ -188,10 +229,13 @@ impl Comparison<'_> {
         if self.form == Form::Slope {
             return difference;
         }
-        match curves::describe(self, groups, difference.at, mechanisms) {
-            Some((before, after, kind)) => Difference { before, after, kind, ..difference },
-            None => difference,
-        }
+        self.redescribed(difference, groups, mechanisms)
+    }
+
+    /// A difference with what the link was and is in other groups.
+    fn redescribed(&self, of: Difference, groups: Groups<'_>, mechanisms: &Mechanisms) -> Difference {
+        let now = self.of_link(of.at, groups, mechanisms);
+        now.map_or(of, |(before, after, kind)| Difference { before, after, kind, ..of })
     }
 
     /// Compares all links of two groups.
@@ -217,8 +261,9 @@ pub(super) struct Changed {
 }
 
 impl Comparison<'_> {
-    /// The links that differ between the groups at `level`, alike behind the first batch alone, most certain first. A link joins the conditions of its effect once it is found, so that the next one is a change of its own. The first one
-    /// must have been `suspected` in the same direction; `known` ones, and other lags of a pair, are not told again.
+    /// The links that differ between the groups at `level`, alike behind the first batch alone, most certain first. A link joins the
+    /// conditions of its effect once it is found, so that the next one is a change of its own. The first one must have been
+    /// `suspected` in the same direction; `known` ones, and other lags of a pair, are not told again.
     pub(super) fn changed(
         &self,
         (before, after): Groups<'_>,
@@ -239,18 +284,16 @@ impl Comparison<'_> {
                 let is_same = |told: Place| told.cause == at.cause || self.form == Form::Curve;
                 told.into_iter().any(|told| told.effect == at.effect && is_same(told))
             };
-            let is_alike =
-                |a: &Difference, b: &Difference| self.form == Form::Curve || a.rises() == b.rises();
             let is_suspected = |of: &Difference| match suspected {
                 Some(all) if found.is_empty() => {
-                    all.iter().any(|seen| seen.at == of.at && is_alike(seen, of))
+                    all.iter().any(|seen| seen.at == of.at && self.are_alike(seen, of))
                 }
                 _ => true,
             };
             let shown = together.iter().filter(|of| of.q <= level && !is_told(of.at) && is_suspected(of));
             let shown = shown.filter_map(|of| {
                 let next = alone.iter().find(|next| next.at == of.at)?;
-                (next.p <= ALONE && is_alike(next, of)).then_some((*of, *next))
+                (next.p <= ALONE && self.are_alike(next, of)).then_some((*of, *next))
             });
             let Some((of, next)) = shown.min_by(|(a, _), (b, _)| a.p.total_cmp(&b.p).then(a.at.cmp(&b.at)))
             else {
@@ -258,9 +301,7 @@ impl Comparison<'_> {
             };
             // What the link is now, the newest batch tells alone: where the suspicion began early, others have old rows.
             let newest = after.get(after.len().saturating_sub(1)..).unwrap_or(after);
-            let now = self.differences((before, newest), &mechanisms)?;
-            let next = now.into_iter().find(|now| now.at == of.at).unwrap_or(next);
-            let next = self.described(next, (before, newest), &mechanisms);
+            let next = self.redescribed(next, (before, newest), &mechanisms);
             found.push(Difference { p: of.p, q: of.q, ..next });
             mechanisms.add(of.at);
             all.get_or_insert(together);

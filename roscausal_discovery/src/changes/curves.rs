@@ -57,9 +57,7 @@ pub(super) fn inputs(comparison: &Comparison<'_>, before: &[&Batch], after: &[&B
                 .zip(&target)
                 .any(|(group, y)| tail_dependence(&values(group, node), y) <= INPUT)
         };
-        let lags = 1..=comparison.tau_max;
-        let nodes = (0..n).flat_map(|cause| lags.clone().map(move |lag| Node::new(cause, lag)));
-        all.push(nodes.filter(|&node| node.var == effect || depends(node)).collect());
+        all.push(comparison.nodes().filter(|&node| node.var == effect || depends(node)).collect());
     }
     all
 }

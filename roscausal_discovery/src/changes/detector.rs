@@ -375,9 +375,8 @@ impl Detector {
             return Ok(());
         }
         let mut differences = comparison.differences((&regime, &[&batch]), &mechanisms)?;
-        let curved = mechanisms.curved.iter().enumerate();
-        let curved = curved.flat_map(|(effect, nodes)| nodes.iter().map(move |node| (node.var, effect)));
-        let curved: Vec<(usize, usize)> = curved.filter(|(cause, effect)| cause != effect).collect();
+        let of_effect = |effect| mechanisms.bending(effect).into_iter().map(move |cause| (cause, effect));
+        let curved: Vec<(usize, usize)> = (0..self.names.len()).flat_map(of_effect).collect();
         let all: Vec<(Place, f64)> = differences.iter().map(|link| (link.at, link.z)).collect();
         let begins = self.baseline.comparisons() < FIRST;
         differences.retain(|difference| !begins && difference.q <= self.levels.suspect);
@@ -427,9 +426,7 @@ impl Detector {
             comparison.changed(groups, mechanisms, self.levels.confirm, &[], Some(&suspected))?;
         let is_open = |(seen, _): &(Difference, Option<String>)| {
             let now = together.iter().find(|now| now.at == seen.at);
-            now.is_some_and(|now| {
-                now.q <= self.levels.suspect && (self.form == Form::Curve || now.rises() == seen.rises())
-            })
+            now.is_some_and(|now| now.q <= self.levels.suspect && comparison.are_alike(now, seen))
         };
         let waits = confirmed.is_empty() && held.more.len() < MORE && held.links.iter().any(is_open);
         // Another link that differs in the new batch must not wait for this suspicion.
@@ -441,6 +438,7 @@ impl Detector {
             self.held = Some(held);
             return Ok(None);
         }
+        let same_as = if confirmed.is_empty() { None } else { self.known_regime(&comparison, &both)? };
         let (mut effects, mut reported, mut more) = (Vec::new(), Vec::new(), 0);
         for difference in &confirmed {
             let of_effect = |(seen, id): &(Difference, Option<String>)| {
@@ -456,7 +454,7 @@ impl Detector {
             let mut event = self.event(id, Status::Confirmed, difference);
             event.changed_between = located(&comparison, groups, difference.at, &mechanisms);
             event.regime = Some(self.number + 1);
-            event.same_as = self.known_regime(&comparison, &both)?;
+            event.same_as = same_as;
             reported.push(event);
         }
         for (seen, id) in &held.links {

@@ -16,8 +16,8 @@
 //! together, as those of one encounter, would else show changes all the time. So nothing is suspected before the fourth batch.
 //!
 //! Each batch is centred by itself, and slopes do not depend on the size of any noise, so a mean or a spread that changes is no
-//! event. A change that a batch has within itself leaves neither slope there; that is why the next one alone must show it, and
-//! why the kind and the new slope are those of the next one alone.
+//! event. A change that a batch has within itself leaves neither slope there; that is why what comes behind it must show it alone, and
+//! why the kind and the new slope are those of the newest one alone.
 //! A regime that returns is recognised ([`ChangeEvent::same_as`]). Columns of interventions are causes that nobody compares.
 //! Sources: Chow 1960 (test of two regressions), MacKinnon and White 1985 (HC3), Huang et al. 2020 (change as change of a
 //! mechanism). Slopes are linear: a mechanism that changes its form but no slope is not seen by them. [`Form::Curve`] compares any

@@ -63,6 +63,11 @@ impl Mechanisms {
         &self.parents[effect]
     }
 
+    /// The causes that drive an effect by a curve.
+    pub(super) fn bending(&self, effect: usize) -> Vec<usize> {
+        self.curved[effect].iter().map(|node| node.var).filter(|cause| *cause != effect).collect()
+    }
+
     /// A link that is there in one group, whatever both together show.
     pub(super) fn add(&mut self, at: Place) {
         let node = Node::new(at.cause, at.lag);
@@ -81,5 +86,16 @@ impl Mechanisms {
 impl Comparison<'_> {
     pub(super) fn past(&self) -> usize {
         2 * self.tau_max
+    }
+
+    /// All that may drive a variable: each one at each lag from 1 on.
+    pub(super) fn nodes(&self) -> impl Iterator<Item = Node> {
+        let lags = 1..=self.tau_max;
+        (0..self.names.len()).flat_map(move |var| lags.clone().map(move |lag| Node::new(var, lag)))
+    }
+
+    /// Whether two differences go in one direction; curves have none.
+    pub(super) fn are_alike(&self, a: &Difference, b: &Difference) -> bool {
+        self.form == Form::Curve || a.rises() == b.rises()
     }
 }

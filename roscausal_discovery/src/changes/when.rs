@@ -8,7 +8,7 @@
 //! squares, with the residuals `e` and the projection `P` of the columns that are there. Both sums grow row by row.
 
 use super::{
-    batch::{Batch, column, squares},
+    batch::{Batch, column},
     place::Place,
     terms::{Comparison, Mechanisms},
 };
@@ -39,8 +39,7 @@ pub(super) fn between(
         let mean = x.iter().sum::<f64>() / x.len().max(1) as f64;
         x.iter_mut().for_each(|x| *x -= mean);
     }
-    let mut others: Vec<Vec<f64>> = mechanisms.given(at).into_iter().map(of).collect();
-    others.extend(mechanisms.curved[at.effect].iter().map(|&node| squares(batches, node, past)));
+    let others = comparison.conditions(batches, at, mechanisms);
     let columns: Vec<&[f64]> = std::iter::once(&x).chain(&others).map(Vec::as_slice).collect();
     let there = Conditions::new(&columns)?;
     let residuals = there.residuals(&y);
