@@ -15,8 +15,8 @@ use tracing_subscriber::fmt::format::debug_fn;
 use tracing_subscriber::{Layer as _, fmt, layer::SubscriberExt as _, util::SubscriberInitExt as _};
 
 use crate::{
-    compare, demo, discover, experiment, flags, html_report, output, presets, reasoning, replay, roll, show,
-    teleop, terminal, topics,
+    compare, demo, discover, experiment, flags, html_report, output, presets, reasoning, replay, roll, route,
+    show, teleop, terminal, topics,
 };
 
 /// Examples at the end of each `--help`; a test understands each line.
@@ -34,6 +34,7 @@ mod examples {
     pub(super) const WHATIF: &str = "Examples:\n  roscausal whatif result --data a.csv,b.csv\n  roscausal whatif result/model.json --data a.csv --action 'stop: r_v=0' --action 'go on' --cost h_risk\n  roscausal whatif result/model.json --data a.csv --action 'stop: r_v=0' --had --at 60";
     pub(super) const EFFECT: &str =
         "Examples:\n  roscausal effect result/model.json --data a.csv --cause r_v --effect h_v";
+    pub(super) const ROUTE: &str = "Examples:\n  roscausal route model --map house.toml --data mon.csv,tue.csv --from dock_s0 --to dock_n3 --at 11:40";
     pub(super) const EXPLAIN: &str =
         "Examples:\n  roscausal explain result/model.json --data a.csv --variable h_v";
 }
@@ -115,13 +116,16 @@ pub(crate) enum Command {
     /// Say why a variable changed.
     #[command(after_help = examples::EXPLAIN)]
     Explain(reasoning::ExplainArgs),
+    /// Say where and when a robot should go: by which places and at which moment, from days of counts.
+    #[command(after_help = examples::ROUTE)]
+    Route(route::Args),
 }
 
 impl Command {
     /// Whether nothing is recorded, and no result is written bit by bit.
     pub(crate) fn only_reads(&self) -> bool {
-        use Command::{Compare, Effect, Explain, Report, Show, Whatif};
-        matches!(self, Compare(_) | Effect(_) | Explain(_) | Report(_) | Show(_) | Whatif(_))
+        use Command::{Compare, Effect, Explain, Report, Route, Show, Whatif};
+        matches!(self, Compare(_) | Effect(_) | Explain(_) | Report(_) | Route(_) | Show(_) | Whatif(_))
     }
 }
 

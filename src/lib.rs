@@ -31,6 +31,7 @@ mod replay;
 mod report;
 mod results;
 mod roll;
+mod route;
 mod settings;
 mod show;
 mod sink;
@@ -84,6 +85,7 @@ pub fn command<I: IntoIterator<Item = OsString>>(args: I) -> u8 {
         cli::Command::Teleop(args) => teleop::run(args),
         cli::Command::Topics(args) => topics::run(args, &interrupt),
         cli::Command::Whatif(args) => return failure::answered(reasoning::what_if(args), &interrupt),
+        cli::Command::Route(args) => return failure::answered(route::run(args), &interrupt),
         cli::Command::Effect(args) => return failure::answered(reasoning::effect(args), &interrupt),
         cli::Command::Explain(args) => return failure::answered(reasoning::explain(args), &interrupt),
     };

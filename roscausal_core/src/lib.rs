@@ -9,6 +9,7 @@ pub mod error;
 pub mod external;
 pub mod gate;
 mod grammar;
+pub mod house;
 pub mod inbox;
 pub mod loopback;
 pub mod memory;

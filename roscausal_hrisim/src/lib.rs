@@ -5,6 +5,7 @@
 //! [`node`] publishes it on any middleware.
 
 pub mod collision;
+pub mod day;
 pub mod geometry;
 pub mod intervention;
 mod navigator;

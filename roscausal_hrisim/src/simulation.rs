@@ -3,6 +3,7 @@
 use roscausal_core::{Error, Result};
 
 use crate::{
+    day::Day,
     geometry::Vec2,
     intervention::{Intervention, Target},
     pedestrian::{Crowd, Pedestrian, group_sizes},
@@ -26,6 +27,7 @@ mod stream {
     pub(super) const ROBOT: u64 = 3 << 32;
     pub(super) const CROWD: u64 = 4 << 32;
     pub(super) const PLACES: u64 = 5 << 32;
+    pub(super) const DAY: u64 = 6 << 32;
 }
 
 /// A running simulation.
@@ -41,6 +43,8 @@ pub struct Simulation {
     pub people: Vec<Person>,
     /// The social-force pedestrians.
     pub crowd: Crowd,
+    /// The working day, if it is one; the crowd is its people.
+    pub day: Option<Day>,
     goals: Vec<Goals>,
     crowd_rng: Rng,
     interventions: Vec<Intervention>,
@@ -85,9 +89,14 @@ impl Simulation {
             let first = waypoints.first().copied().unwrap_or(Vec2::ZERO);
             Robot::new(spec.name.clone(), spec.drive.clone(), spec.start.unwrap_or(first), waypoints, rng)
         });
-        let robots = robots.collect();
+        let robots: Vec<Robot> = robots.collect();
         let mut crowd_rng = Rng::new(seed, stream::CROWD);
-        let crowd = crowd_of(scenario, &world, &mut crowd_rng);
+        let top_speed = scenario.robots.first().map_or(1.0, |robot| robot.drive.speed);
+        let day = scenario.day.as_ref().map(|day| Day::new(day, Rng::new(seed, stream::DAY), top_speed));
+        let (day, crowd) = match day.transpose()? {
+            Some((day, crowd)) => (Some(day), crowd),
+            None => (None, crowd_of(scenario, &world, &mut crowd_rng)),
+        };
         Ok(Self {
             scenario: scenario.clone(),
             seed,
@@ -96,6 +105,7 @@ impl Simulation {
             robots,
             people,
             crowd,
+            day,
             goals,
             crowd_rng,
             interventions: scenario.interventions.clone(),
@@ -149,6 +159,11 @@ impl Simulation {
 
     /// Moves everybody by one step. All of them see the same moment.
     pub fn step(&mut self) {
+        if let (Some(day), [robot]) = (&mut self.day, &mut self.robots[..]) {
+            day.step((STEP, self.steps), &self.world, robot, &mut self.crowd);
+            self.steps += 1;
+            return;
+        }
         let time = self.time();
         self.renew_goals(time);
         let people: Vec<Body> = self.people.iter().map(person_body).collect();

@@ -68,6 +68,7 @@ pub mod model;
 pub mod quality;
 pub mod question;
 mod random;
+pub mod route;
 mod samples;
 mod simulate;
 

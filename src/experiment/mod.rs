@@ -2,6 +2,7 @@
 //! of reasoning are true; and whether a planner that asks does better.
 
 mod changes;
+mod day;
 mod grid;
 mod model;
 mod planner;
@@ -47,6 +48,8 @@ enum Command {
     Planner(planner::Args),
     /// How soon is a change told that nobody announced, and how often one that is not there?
     Changes(changes::Args),
+    /// Does a robot do more of its tasks that knows where and when people will be? Working days, by who decides.
+    Day(day::Args),
     /// Join the results of several `--shard`s, or of several experiments, into one folder.
     Merge {
         /// Folders that `roscausal experiment --out` made.
@@ -124,6 +127,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         Some(Command::Reasoning(args)) => return reasoning::run(args, interrupt),
         Some(Command::Planner(args)) => return planner::run(args, interrupt),
         Some(Command::Changes(args)) => return changes::run(args, interrupt),
+        Some(Command::Day(args)) => return day::run(args, interrupt),
         Some(Command::Merge { from, out }) => (out, begin(out)?, merge(from, out)?),
         None => {
             interrupt.nothing_at_stake("finished runs are kept");

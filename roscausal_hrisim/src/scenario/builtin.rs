@@ -4,14 +4,16 @@ use std::path::Path;
 
 use super::{PedestrianSpec, PersonSpec, Plan, RobotSpec, Scenario};
 use crate::{
+    day::DaySpec,
     geometry::{Area, Vec2},
     person::PersonParams,
+    robot::RobotParams,
 };
 
 /// Names of the built-in scenarios.
-pub const SCENARIOS: [&str; 8] = [
+pub const SCENARIOS: [&str; 9] = [
     "thor", "pass_by_the_centre", "robot_off", "crowd", "encounters", "encounters_ignored",
-    "encounters_unslowed", "guide",
+    "encounters_unslowed", "guide", "warehouse",
 ];
 
 /// The one that is written as a file, as users write theirs.
@@ -25,6 +27,7 @@ impl Scenario {
             "pass_by_the_centre" => Plan::PassByTheCentre,
             "robot_off" => Plan::RobotOff,
             "guide" => return Self::from_toml(GUIDE, Path::new("guide.toml")).ok(),
+            "warehouse" => return Some(Self::of_day(name, DaySpec::warehouse(4, 7))),
             "crowd" => return Some(Self::crowd(20, 2)),
             "encounters" => return Some(Self::encounters(name, encounters_walk())),
             "encounters_ignored" => {
@@ -66,6 +69,29 @@ impl Scenario {
             name: name.to_owned(),
             people: vec![PersonSpec { areas: vec![square.clone(), square], walk, ..PersonSpec::default() }],
             robots: vec![RobotSpec { waypoints, ..RobotSpec::default() }],
+            ..Self::default()
+        }
+    }
+
+    /// A working day with one robot, and walls around its places and between its aisles.
+    pub fn of_day(name: &str, day: DaySpec) -> Self {
+        let at = |of: fn(f64, f64) -> f64, axis: usize, start: f64| {
+            day.places.iter().map(|place| place.at[axis]).fold(start, of)
+        };
+        let (x0, x1) = (at(f64::min, 0, f64::MAX) - 15.0, at(f64::max, 0, f64::MIN) + 5.0);
+        let (y0, y1) = (at(f64::min, 1, f64::MAX) - 5.0, at(f64::max, 1, f64::MIN) + 5.0);
+        let walls = vec![[x0, y0, x1, y0], [x1, y0, x1, y1], [x1, y1, x0, y1], [x0, y1, x0, y0]];
+        let charger = day.places.iter().find(|place| place.kind == "charger");
+        let start = charger.map(|place| Vec2::new(place.at[0], place.at[1]));
+        let drive = RobotParams { speed: 0.8, turn_rate: 1.5, pause: [0.0, 0.0], ..RobotParams::default() };
+        Self {
+            name: name.to_owned(),
+            plan: Plan::Crowd,
+            duration: day.hours * crate::day::HOUR,
+            walls,
+            people: Vec::new(),
+            robots: vec![RobotSpec { start, drive, ..RobotSpec::default() }],
+            day: Some(day),
             ..Self::default()
         }
     }

@@ -47,6 +47,9 @@ impl Scenario {
     pub fn check(&self) -> Result<()> {
         let world = self.world()?;
         number("duration", self.duration, 0.04, 1e7)?;
+        if let Some(day) = &self.day {
+            day.check()?;
+        }
         self.check_people(&world)?;
         self.check_robots(&world)?;
         self.check_pedestrians()?;
@@ -57,7 +60,7 @@ impl Scenario {
     }
 
     fn check_people(&self, world: &World) -> Result<()> {
-        if self.people.is_empty() && self.pedestrians.count == 0 {
+        if self.people.is_empty() && self.pedestrians.count == 0 && self.day.is_none() {
             let reason = "nobody to simulate; give at least one of [[people]], or pedestrians.count above 0";
             return Err(Error::param("people", reason));
         }
@@ -229,7 +232,7 @@ impl super::Noise {
     }
 }
 
-fn number(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
+pub(crate) fn number(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
     if (low..=high).contains(&value) {
         return Ok(());
     }

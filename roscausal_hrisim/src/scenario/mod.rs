@@ -7,6 +7,7 @@ mod file;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    day::DaySpec,
     geometry::{Area, Vec2},
     intervention::Intervention,
     person::PersonParams,
@@ -14,6 +15,7 @@ use crate::{
 };
 
 pub use builtin::SCENARIOS;
+pub(crate) use check::number;
 
 /// Who goes where and when.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -57,6 +59,9 @@ roscausal_core::with_defaults! {
         pub pedestrians: PedestrianSpec = PedestrianSpec::default(),
         /// Noise of the sensors.
         pub noise: Noise = Noise::default(),
+        /// A working day: places, shifts, and a robot with tasks. Its people are the pedestrians.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub day: Option<DaySpec> = None,
         /// Interventions, such as `robot.speed=0.2@60..90`.
         pub interventions: Vec<Intervention> = Vec::new(),
     }

@@ -1,0 +1,113 @@
+//! A house as files: its map, tables of days, and the causal model of what is counted in it.
+//!
+//! ```text
+//! places = [{ name = "hall", at = [0.0, 0.0] }, { name = "lab", at = [6.0, 0.0] }]      map.toml
+//! arcs = [["hall", "lab"]]
+//!
+//! time,place,people,robot,hour,speed,loss,load                                          monday.csv: a file for each day
+//! 0,0,2,0,8.0,,,
+//! 0,1,0,1,8.0,0.61,0.0069,0
+//! ```
+//!
+//! `place` is the position in the map's list, from 0. `speed` (m/s), `loss` (percent of the battery in a second) and `load` (0 or 1)
+//! stand in rows of the robot's own place, if anywhere; `speed` only while it drives.
+
+use std::path::{Path, PathBuf};
+
+use ndarray::Axis;
+use roscausal_reasoning::{
+    graph::Graph,
+    model::graph_of_json,
+    route::{
+        days::{Days, HOUR, Known},
+        levels::{Made, Way},
+        map::{Map, Place},
+    },
+};
+use serde::Deserialize;
+
+use crate::{
+    Error, Result,
+    batch::{Table, table::Reading},
+    bounded,
+};
+
+/// Columns that say how the robot fared.
+const FARED: [&str; 3] = ["speed", "loss", "load"];
+/// The column with the place.
+const PLACE: &str = "place";
+
+/// What a map's file has; a scenario of a working day has it as `[day]`.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct MapFile {
+    places: Vec<Place>,
+    arcs: Vec<[String; 2]>,
+    day: Option<Box<MapFile>>,
+}
+
+/// Reads a map.
+///
+/// # Errors
+/// A file that cannot be read or has no places, and whatever [`Map::new`] refuses.
+pub fn map(path: &Path) -> Result<Map> {
+    let text = bounded::read_settings(path)?;
+    let mut file: MapFile = toml::from_str(&text).map_err(|error| Error::file(path, error.message()))?;
+    if let Some(day) = file.day.take() {
+        file = *day;
+    }
+    Map::new(file.places, &file.arcs).map_err(|error| Error::file(path, error))
+}
+
+/// Reads the tables of days and the model, and fits what they tell of `target`.
+///
+/// # Errors
+/// A file that cannot be read, a column that is missing, a place that the map does not have, steps that differ, and what
+/// [`Days::known`] refuses.
+pub fn known(map: &Map, model: &Path, tables: &[PathBuf], target: &str) -> Result<Known> {
+    let text = bounded::read_text(model, bounded::MODEL)?;
+    let (graph, _) = graph_of_json(&text, &[]).map_err(|error| Error::file(model, error))?;
+    let days = days(map, &graph, tables, target)?;
+    Ok(days.known(&days, &graph, target, Way::Causal)?)
+}
+
+fn days(map: &Map, graph: &Graph, tables: &[PathBuf], target: &str) -> Result<Days> {
+    let mut names = graph.names().to_vec();
+    if !names.iter().any(|name| name == HOUR) {
+        return Err(Error::Data(format!("the model has no variable '{HOUR}'; analyse the tables with it")));
+    }
+    let wide = names.len();
+    names.extend(FARED.into_iter().chain([PLACE]).map(str::to_owned));
+    let mut days = Days { names: graph.names().to_vec(), ..Days::default() };
+    let counts = names.iter().position(|name| name == target).unwrap_or(0);
+    for (day, path) in tables.iter().enumerate() {
+        let reading =
+            Reading { columns: Some(names.clone()), recording: Some(PLACE.into()), ..Reading::default() };
+        let table = Table::read_as(path, &reading)?;
+        for (name, part) in table.by_recording(PLACE, false).map_err(|reason| Error::file(path, reason))? {
+            let place = name.rsplit(' ').next().and_then(|text| text.parse().ok());
+            let Some(place) = place.filter(|place| *place < map.places.len()) else {
+                let reason = format!("{name} is none of the map's; they are 0 to {}", map.places.len() - 1);
+                return Err(Error::file(path, reason));
+            };
+            let step = part.dt().filter(|step| days.row == 0.0 || (step - days.row).abs() < 0.01 * days.row);
+            days.row = step.ok_or_else(|| {
+                Error::file(path, format!("{name} has no times, or another step than the rest"))
+            })?;
+            for row in 0..part.values.nrows() {
+                let [speed, loss, load] = [0, 1, 2].map(|k| part.values[[row, wide + k]]);
+                if row > 0 && speed.is_finite() {
+                    days.drives.push((part.values[[row - 1, counts]], speed));
+                }
+                if loss.is_finite() {
+                    let speed = if speed.is_finite() { speed } else { 0.0 };
+                    days.drains[usize::from(load > 0.5)].push((speed, loss));
+                }
+            }
+            days.made.push(Made { place, day });
+            let kept: Vec<usize> = (0..wide).collect();
+            days.recordings.push(part.values.select(Axis(1), &kept));
+        }
+    }
+    Ok(days)
+}
