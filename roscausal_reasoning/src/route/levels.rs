@@ -261,7 +261,7 @@ impl Levels {
 }
 
 /// From which day on each cell is as it is now, and what began anew.
-fn begun_anew(sums: &[Vec<Sums>], (places, bins): (usize, usize), inflation: f64) -> (Vec<Anew>, Vec<usize>) {
+fn begun_anew(sums: &[Vec<Sums>], bins: usize, inflation: &[f64]) -> (Vec<Anew>, Vec<usize>) {
     let places = inflation.len();
     let mut since = vec![0; places * bins];
     let mut anew = Vec::new();
