@@ -141,7 +141,7 @@ impl Mci<'_> {
                         (false, false) => LinkMark::Absent,
                     }
                 } else if result.deciding_p()[at] <= self.alpha_level {
-                    mark_of(assumption)
+                    assumption.mark()
                 } else {
                     LinkMark::Absent
                 };
@@ -157,16 +157,4 @@ pub(crate) fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64
             Array3::from_shape_fn(p_matrix.dim(), |(i, j, lag)| lag > 0 && links.get(i, j, lag).is_some());
         fdr_bh(p_matrix, &counted)
     })
-}
-
-/// The mark of a link that was found under `assumption`.
-pub(crate) fn mark_of(assumption: Assumption) -> LinkMark {
-    match assumption {
-        Assumption::Exists | Assumption::Test => LinkMark::Forward,
-        Assumption::ExistsBackward | Assumption::TestBackward => LinkMark::Backward,
-        Assumption::ExistsUnoriented | Assumption::TestUnoriented => LinkMark::Unoriented,
-        Assumption::ExistsNotBack | Assumption::TestNotBack => LinkMark::CircleHead,
-        Assumption::ExistsNotForward | Assumption::TestNotForward => LinkMark::HeadCircle,
-        Assumption::ExistsHidden | Assumption::TestHidden => LinkMark::Bidirected,
-    }
 }

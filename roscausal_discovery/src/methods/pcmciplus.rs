@@ -2,7 +2,7 @@
 
 use super::{
     extension::dag_parents,
-    mci::{corrected, first, mark_of, mci_conditions},
+    mci::{corrected, first, mci_conditions},
     orientation::{Triple, orient_by_rules, orient_colliders, unshielded_triples},
     pc_stable::{PcStable, next_combination},
     pcmci::{nodes_of, with_run},
@@ -193,7 +193,7 @@ impl Level<'_, '_> {
                 let certain = node.lag == 0 || assumption.exists() || self.plus.reset_lagged_links;
                 let kept = certain || found.parents.contains(&node);
                 if kept {
-                    result.graph[at] = mark_of(assumption);
+                    result.graph[at] = assumption.mark();
                 }
                 if assumption.exists() {
                     result.val_matrix[at] = 1.0;
