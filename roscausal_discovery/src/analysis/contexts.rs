@@ -13,7 +13,7 @@ use crate::{
         default_intervention_targets, is_constant, is_shared,
     },
     settings::Settings,
-    types::{DataFrame, Error, LinkMark, Result, names, same_value},
+    types::{DataFrame, Error, LinkMark, Result, names, same_value, unique},
 };
 
 impl Settings {
@@ -60,8 +60,7 @@ impl Settings {
         };
         let mut contexts = self.context(data);
         contexts.extend(pairs.iter().filter_map(|(column, _)| place(column)));
-        contexts.sort_unstable();
-        contexts.dedup();
+        let contexts = unique(contexts);
         if contexts.is_empty() {
             let reason = format!(
                 "candoit needs interventions, and no column holds one (columns: {}); name it, such as do_robot_speed=r_v, or take \

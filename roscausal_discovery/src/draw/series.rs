@@ -6,6 +6,7 @@ use super::{
     axis::Axis,
     svg::{FAINT, INK, Point, Svg, cut, display},
 };
+use crate::types::unique;
 
 const WIDTH: f64 = 900.0;
 const LEFT: f64 = 110.0;
@@ -107,14 +108,9 @@ fn seen(column: ArrayView1<f64>, per_place: usize) -> Vec<usize> {
         let to = (from + per_place).min(column.len());
         let finite = || (from..to).filter(|&row| column[row].is_finite());
         let by_value = |a: &usize, b: &usize| column[*a].total_cmp(&column[*b]);
-        let mut place: Vec<usize> =
-            [finite().next(), finite().min_by(by_value), finite().max_by(by_value), finite().next_back()]
-                .into_iter()
-                .flatten()
-                .collect();
-        place.sort_unstable();
-        place.dedup();
-        rows.extend(place);
+        let ends =
+            [finite().next(), finite().min_by(by_value), finite().max_by(by_value), finite().next_back()];
+        rows.extend(unique(ends.into_iter().flatten().collect()));
     }
     rows
 }

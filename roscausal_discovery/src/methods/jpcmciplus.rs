@@ -13,7 +13,7 @@
 //! who walks they are not.
 
 use super::{
-    mci::{corrected, first, mci_conditions},
+    mci::{correct, first, mci_conditions},
     pc_stable::PcStable,
     pcmci::nodes_of,
     pcmciplus::{Level, PcmciPlusSettings},
@@ -443,14 +443,7 @@ impl Search<'_, '_> {
             return Ok(true);
         }
         copy_values(latest, &mut result, |i, j| !self.nodes.is_system(i) || !self.nodes.is_system(j));
-        result.q_matrix = corrected(s.fdr, &self.possible, &result.p_matrix);
-        if let Some(q) = &result.q_matrix {
-            for (at, mark) in result.graph.indexed_iter_mut() {
-                if q[at] > s.pc_alpha[0] {
-                    *mark = LinkMark::Absent;
-                }
-            }
-        }
+        correct(&mut result, s.fdr, &self.possible, s.pc_alpha[0]);
         found.result = result;
         Ok(false)
     }
@@ -483,9 +476,7 @@ fn copy_values(from: &PcmciResult, to: &mut PcmciResult, is_meant: impl Fn(usize
     for ((i, j, lag), &p) in from.p_matrix.indexed_iter() {
         if is_meant(i, j) {
             let at = [i, j, lag];
-            to.p_matrix[at] = p;
-            to.val_matrix[at] = from.val_matrix[at];
-            to.samples[at] = from.samples[at];
+            to.put(at, from.val_matrix[at], p, from.samples[at]);
         }
     }
 }

@@ -105,9 +105,7 @@ impl Mci<'_> {
             return;
         }
         for &at in at {
-            result.val_matrix[at] = outcome.value;
-            result.p_matrix[at] = outcome.p_value;
-            result.samples[at] = Some(outcome.samples());
+            result.put(at, outcome.value, outcome.p_value, Some(outcome.samples()));
         }
         if let Some(interval) = outcome.confidence {
             let shape = result.graph.dim();
@@ -151,10 +149,18 @@ impl Mci<'_> {
 }
 
 /// P-values corrected over the lagged links that are assumed possible; `None` without a correction.
-pub(crate) fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64>) -> Option<Array3<f64>> {
+fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64>) -> Option<Array3<f64>> {
     (fdr == Fdr::Bh).then(|| {
         let counted =
             Array3::from_shape_fn(p_matrix.dim(), |(i, j, lag)| lag > 0 && links.get(i, j, lag).is_some());
         fdr_bh(p_matrix, &counted)
     })
+}
+
+/// Corrects the p-values, if that is asked for, and takes out what is then above the level.
+pub(crate) fn correct(result: &mut PcmciResult, fdr: Fdr, links: &LinkAssumptions, level: f64) {
+    result.q_matrix = corrected(fdr, links, &result.p_matrix);
+    let Some(q) = &result.q_matrix else { return };
+    let above = result.graph.indexed_iter_mut().filter(|(at, _)| q[*at] > level);
+    above.for_each(|(_, mark)| *mark = LinkMark::Absent);
 }

@@ -326,9 +326,7 @@ impl Models<'_> {
         for lag in lags {
             let (value, p) = with[self.settings.tau_max + lag];
             let at = [cause, effect, lag];
-            result.links.val_matrix[at] = value;
-            result.links.p_matrix[at] = p;
-            result.links.samples[at] = Some(samples);
+            result.links.put(at, value, p, Some(samples));
             if value > strongest.0 {
                 strongest = (value, lag);
             }
@@ -355,9 +353,7 @@ fn mark(result: &mut TiminoResult, cause: usize, effect: usize, lag: usize) {
     result.links.graph[[cause, effect, lag]] = LinkMark::Forward;
     if lag == 0 {
         result.links.graph[[effect, cause, 0]] = LinkMark::Backward;
-        result.links.val_matrix[[effect, cause, 0]] = result.links.val_matrix[[cause, effect, 0]];
-        result.links.p_matrix[[effect, cause, 0]] = result.links.p_matrix[[cause, effect, 0]];
-        result.links.samples[[effect, cause, 0]] = result.links.samples[[cause, effect, 0]];
+        result.links.copy([cause, effect, 0], [effect, cause, 0]);
     }
 }
 

@@ -12,6 +12,13 @@ pub fn same_value((a, b): (&f64, &f64)) -> bool {
     a == b || (a.is_nan() && b.is_nan())
 }
 
+/// In order, each once.
+pub(crate) fn unique<T: Ord>(mut all: Vec<T>) -> Vec<T> {
+    all.sort_unstable();
+    all.dedup();
+    all
+}
+
 /// Which columns are common, and to which recordings.
 #[derive(Clone, Debug)]
 pub(super) struct Common {

@@ -40,7 +40,7 @@ use crate::{
         random::{Rng, seed_of_draw},
         rows::{is_constant, standardized},
     },
-    types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, unique},
 };
 use distance_correlation::of_ranks;
 use null_table::NullTable;
@@ -213,7 +213,8 @@ struct PreparedGpdc<'a> {
 
 impl PreparedTest for PreparedGpdc<'_> {
     fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
-        let z = canonical(z);
+        // In one order, each once: a regression does not depend on the order of its conditions but for rounding.
+        let z = unique(z.to_vec());
         let arrays = self.samples.arrays(x, y, &z);
         let n = arrays.x.len();
         let mut result = TestResult {
@@ -282,7 +283,7 @@ impl PreparedTest for PreparedGpdc<'_> {
     }
 
     fn model_selection_score(&self, target: Node, parents: &[Node]) -> Result<f64> {
-        let z = canonical(parents);
+        let z = unique(parents.to_vec());
         let arrays = self.samples.arrays(target, target, &z);
         if arrays.x.len() < FEWEST_SAMPLES {
             return Err(too_few(arrays.x.len()));
@@ -292,7 +293,7 @@ impl PreparedTest for PreparedGpdc<'_> {
     }
 
     fn remark(&self, effect: Node, parents: &[Node]) -> Result<Option<String>> {
-        let z = canonical(parents);
+        let z = unique(parents.to_vec());
         let arrays = self.samples.arrays(effect, effect, &z);
         let Some(process) = self.regression(&arrays.z) else { return Ok(None) };
         if is_constant(&arrays.x) || arrays.x.len() < FEWEST_SAMPLES {
@@ -366,14 +367,6 @@ impl PreparedGpdc<'_> {
             conditions.iter().filter(|row| !is_constant(row)).map(|row| standardized(row)).collect();
         (!rows.is_empty()).then(|| GaussianProcess::new(&rows, &self.resources))
     }
-}
-
-/// The conditions in one order, each once: a regression does not depend on their order but for rounding.
-fn canonical(z: &[Node]) -> Vec<Node> {
-    let mut z = z.to_vec();
-    z.sort_unstable();
-    z.dedup();
-    z
 }
 
 fn too_few(n: usize) -> Error {

@@ -4,7 +4,7 @@ use rustc_hash::FxHashSet;
 
 use super::{graph::Pair, search::Search, sets::union};
 use crate::{
-    methods::pc_stable::next_combination,
+    methods::pc_stable::combinations,
     types::{Node, Result},
 };
 
@@ -55,15 +55,10 @@ impl Search<'_, '_> {
             let of_cause = a == pair.x && pair.x.lag > 0;
             let most = if of_cause { most.min(self.settings.max_cond_px) } else { most };
             for size in 0..=choices.len().min(most) {
-                let mut combination: Vec<usize> = (0..size).collect();
-                loop {
-                    let chosen: Vec<Node> = combination.iter().map(|&k| choices[k]).collect();
+                for chosen in combinations(&choices, size) {
                     let z = union(pair, &chosen, &parents);
                     if seen.insert(z.clone()) && self.separates(pair, &z)?.is_some() && !sets.contains(&z) {
                         sets.push(z);
-                    }
-                    if !next_combination(&mut combination, choices.len()) {
-                        break;
                     }
                 }
             }

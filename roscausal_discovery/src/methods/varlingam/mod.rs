@@ -312,8 +312,7 @@ impl Model {
         for (cause, effect) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
             if links.graph[[cause, effect, 0]] == LinkMark::Forward {
                 links.graph[[effect, cause, 0]] = LinkMark::Backward;
-                links.val_matrix[[effect, cause, 0]] = links.val_matrix[[cause, effect, 0]];
-                links.p_matrix[[effect, cause, 0]] = links.p_matrix[[cause, effect, 0]];
+                links.copy([cause, effect, 0], [effect, cause, 0]);
             }
         }
         links
