@@ -91,7 +91,7 @@ impl PreparedTest for Prepared<'_> {
             _ => self.shuffled(&of_x, &of_y, &stratum, g.value, Rng::for_test(self.test.seed, x, y, z))?,
         };
         let value = g.value / (2.0 * xs.len().max(1) as f64);
-        Ok(TestResult { value, p_value, confidence: None, n_samples: xs.len(), n_lost, dependent: None })
+        Ok(TestResult::new(value, p_value, xs.len(), n_lost))
     }
 
     fn is_cheap(&self) -> bool {

@@ -110,14 +110,7 @@ impl PreparedTest for Prepared<'_> {
         // The Python class gives no value for a constant series.
         let (value, p_value) =
             if value.is_finite() && p_value.is_finite() { (value, p_value) } else { (0.0, 1.0) };
-        Ok(TestResult {
-            value,
-            p_value,
-            confidence: None,
-            n_samples: n,
-            n_lost: arrays.n_lost,
-            dependent: None,
-        })
+        Ok(TestResult::new(value, p_value, n, arrays.n_lost))
     }
 }
 

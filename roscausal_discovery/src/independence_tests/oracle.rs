@@ -164,15 +164,8 @@ impl CondIndTest for OracleCi {
 
 impl PreparedTest for &OracleCi {
     fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
-        let separated = self.is_separated(x, y, z);
-        Ok(TestResult {
-            value: if separated { 0.0 } else { 1.0 },
-            p_value: if separated { 1.0 } else { 0.0 },
-            confidence: None,
-            n_samples: 0,
-            n_lost: 0,
-            dependent: None,
-        })
+        let (value, p_value) = if self.is_separated(x, y, z) { (0.0, 1.0) } else { (1.0, 0.0) };
+        Ok(TestResult::new(value, p_value, 0, 0))
     }
 
     fn is_cheap(&self) -> bool {

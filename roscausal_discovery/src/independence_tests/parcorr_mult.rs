@@ -457,7 +457,7 @@ impl PreparedTest for Prepared<'_> {
             0 => (0.0, 1.0),
             _ => (value, (correlation_p_value(value, dof) * n_components as f64).min(1.0)),
         };
-        Ok(TestResult { value, p_value, confidence: None, n_samples, n_lost, dependent: None })
+        Ok(TestResult::new(value, p_value, n_samples, n_lost))
     }
 
     fn model_selection_score(&self, target: Node, parents: &[Node]) -> Result<f64> {

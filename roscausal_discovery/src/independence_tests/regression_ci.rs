@@ -136,7 +136,7 @@ impl PreparedTest for Prepared<'_> {
                 p_value = found.1;
             }
         }
-        Ok(TestResult { value, p_value, confidence: None, n_samples, n_lost, dependent: None })
+        Ok(TestResult::new(value, p_value, n_samples, n_lost))
     }
 
     fn caution(&self) -> Option<String> {

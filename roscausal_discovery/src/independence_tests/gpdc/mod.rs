@@ -36,10 +36,7 @@ use super::{
     settings::{Confidence, GpSearch, Significance, TestSettings},
 };
 use crate::{
-    numeric::{
-        random::{Rng, seed_of_draw},
-        rows::{is_constant, standardized},
-    },
+    numeric::rows::{is_constant, standardized},
     types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, unique},
 };
 use distance_correlation::of_ranks;
@@ -84,10 +81,8 @@ pub(crate) fn gp_residuals(
     }
     let resources = Gpdc { settings: settings.clone() }.resources(target.len())?;
     let rows: Vec<Vec<f64>> = conditions.iter().map(|row| standardized(row)).collect();
-    let how =
-        SearchSettings { search: settings.gp_search, restarts: settings.gp_restarts, seed: settings.seed };
     let process = GaussianProcess::new(&rows, &resources);
-    Ok(Residuals::new(target, Some(&process), &how, true, check)?.values)
+    Ok(Residuals::new(target, Some(&process), &SearchSettings::of(settings), true, check)?.values)
 }
 
 /// Samples below which a test is refused.
@@ -217,14 +212,7 @@ impl PreparedTest for PreparedGpdc<'_> {
         let z = unique(z.to_vec());
         let arrays = self.samples.arrays(x, y, &z);
         let n = arrays.x.len();
-        let mut result = TestResult {
-            value: 0.0,
-            p_value: 1.0,
-            confidence: None,
-            n_samples: n,
-            n_lost: arrays.n_lost,
-            dependent: None,
-        };
+        let mut result = TestResult::new(0.0, 1.0, n, arrays.n_lost);
         if n < FEWEST_SAMPLES {
             return Ok(TestResult { n_samples: 0, ..result });
         }
@@ -234,10 +222,7 @@ impl PreparedTest for PreparedGpdc<'_> {
         let [of_x, of_y] = self.pair(x, y, &z, &arrays)?;
         result.value = of_ranks(&of_x.ranks, &of_y.ranks);
         let settings = &self.test.settings;
-        let mut resampling = Resampling {
-            rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw), x, y, &z),
-            control: self.samples.control(),
-        };
+        let mut resampling = Resampling::of(self.samples, settings.seed, x, y, &z);
         match self.test.significance() {
             Significance::Analytic => {
                 let given = settings.null_distributions.as_ref();
@@ -263,7 +248,6 @@ impl PreparedTest for PreparedGpdc<'_> {
             Significance::FixedThres => {}
         }
         if settings.confidence.is_some() {
-            let blocks = (settings.conf_samples, settings.conf_blocklength, settings.conf_lev);
             let check = || self.samples.control().check();
             let value = |x: Vec<f64>, y: Vec<f64>, z: Vec<Vec<f64>>| {
                 if is_constant(&x) || is_constant(&y) {
@@ -276,7 +260,7 @@ impl PreparedTest for PreparedGpdc<'_> {
             };
             // A bootstrap sample fails only when the run is cancelled, which `bootstrap` notices as well.
             let value = |x, y, z| value(x, y, z).unwrap_or(0.0);
-            result.confidence = Some(resampling.bootstrap(&arrays.x, &arrays.y, &arrays.z, blocks, value)?);
+            result.confidence = Some(resampling.bootstrap(&arrays.x, &arrays.y, &arrays.z, settings, value)?);
             check()?;
         }
         Ok(result)
@@ -357,8 +341,7 @@ impl PreparedGpdc<'_> {
     }
 
     fn how(&self) -> SearchSettings {
-        let TestSettings { gp_search, gp_restarts, seed, .. } = self.test.settings;
-        SearchSettings { search: gp_search, restarts: gp_restarts, seed }
+        SearchSettings::of(&self.test.settings)
     }
 
     /// The regression on `conditions`, those that are constant left out; `None` without any.

@@ -16,7 +16,7 @@ use super::{
     FEWEST_SAMPLES,
     kernel::Inputs,
     memory_of,
-    regression::{GaussianProcess, SearchSettings},
+    regression::{GaussianProcess, SearchSettings, no_covariance},
     resources::Resources,
     theta::Theta,
     too_few,
@@ -62,10 +62,8 @@ impl GpOptimum {
         check(target, conditions)?;
         let rows: Vec<Vec<f64>> = conditions.iter().map(|row| standardized(row)).collect();
         let process = GaussianProcess::new(&rows, &Resources::new(memory_of(settings)));
-        let TestSettings { gp_search, gp_restarts, seed, .. } = *settings;
-        let how = SearchSettings { search: gp_search, restarts: gp_restarts, seed };
         let target = standardized(target);
-        let theta = process.fit(&target, &how, &|| Ok(()))?.theta;
+        let theta = process.fit(&target, &SearchSettings::of(settings), &|| Ok(()))?.theta;
         Ok(Self {
             length_scale: theta.l,
             noise: theta.s,
@@ -392,9 +390,7 @@ fn covariance(inputs: &Inputs, l: f64, noise: impl Fn(usize) -> f64) -> Result<L
         (j..n).for_each(|i| matrix[(i, j)] = column[i]);
         matrix[(j, j)] = 1.0 + noise(j);
     }
-    matrix.llt(Side::Lower).map_err(|_| {
-        Error::Data("a Gaussian process has no positive definite covariance on these samples".into())
-    })
+    matrix.llt(Side::Lower).map_err(|_| no_covariance())
 }
 
 fn solve(factor: &Llt<f64>, y: &[f64]) -> Vec<f64> {
