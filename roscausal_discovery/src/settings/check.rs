@@ -1,11 +1,9 @@
 //! What may be asked for without knowing the data, and the model that it begins.
 
-use serde_json::Map;
-
 use super::{PcAlpha, Request, Settings};
 use crate::{
     independence_tests::Significance,
-    methods::{Method, Reads, Status, TiminoModel},
+    methods::{Method, Reads, TiminoModel},
     model::{self, Model},
     types::{Dummy, Error, Named, Result},
 };
@@ -126,7 +124,6 @@ impl Settings {
     pub fn blank_model(&self) -> Model {
         let mut model = Model {
             schema: model::SCHEMA.to_owned(),
-            status: Status::Complete,
             method: self.method.into(),
             cond_ind_test: if self.method.info().uses_test {
                 self.cond_ind_test.clone()
@@ -139,26 +136,9 @@ impl Settings {
             fdr: self.fdr.name().to_owned(),
             tau_min: self.tau_min,
             tau_max: self.tau_max,
-            dt: None,
-            n_samples: 0,
             n_recordings: 1,
             seed: self.seed,
-            settings: Map::new(),
-            run_time_s: None,
-            features: Vec::new(),
-            dropped: Vec::new(),
-            links: Vec::new(),
-            graph: Vec::new(),
-            outcomes: Vec::new(),
-            val_matrix: Vec::new(),
-            p_matrix: Vec::new(),
-            n_matrix: Vec::new(),
-            causal_structure: Vec::new(),
-            val: Vec::new(),
-            pval: Vec::new(),
-            warnings: Vec::new(),
-            about_data: None,
-            confidence: None,
+            ..Model::default()
         };
         model.settings = Request { settings: self.clone(), ..Request::default() }.beyond(&model);
         model

@@ -1,6 +1,6 @@
 //! JSON and TOML that others wrote: bounds before a parser reads them, and its faults in plain words.
 
-use std::{collections::HashSet, fmt::Display};
+use std::{borrow::Borrow, collections::HashSet, fmt::Display};
 
 use super::error::{Error, Result};
 
@@ -128,6 +128,14 @@ fn after_string(quote: u8, text: &[u8]) -> &[u8] {
 /// ```
 pub fn quoted(name: &str) -> String {
     format!("'{}'", short(name))
+}
+
+/// `a, b and c`.
+pub(crate) fn listed<S: Borrow<str> + Display>(parts: &[S]) -> String {
+    match parts {
+        [before @ .., last] if !before.is_empty() => format!("{} and {last}", before.join(", ")),
+        _ => parts.join(""),
+    }
 }
 
 /// The same without quotes.
