@@ -19,10 +19,8 @@ use crate::{
 impl Settings {
     /// What J-PCMCI+ takes the variables for.
     pub(crate) fn jpcmciplus(&self, data: &DataFrame) -> Result<JpcmciPlusSettings> {
-        if data.recordings().len() < 2 {
-            let reason = "jpcmciplus compares recordings and there is one; give several, or take pcmciplus";
-            return Err(Error::Data(reason.to_owned()));
-        }
+        let reason = "jpcmciplus compares recordings and there is one; give several, or take pcmciplus";
+        Error::ensure_data(data.recordings().len() > 1, || reason)?;
         // What contexts may drive is theirs to say, so exogenous variables make no assumptions here.
         let exogenous = self.context(data);
         let alone = Self { exogenous: Vec::new(), ..self.clone() };

@@ -2,7 +2,7 @@
 
 use super::{
     gsquared::{g_statistic, levels, strata},
-    settings::{Confidence, Significance, TestSettings},
+    settings::{Significance, TestSettings},
 };
 use crate::{
     numeric::random::Rng,
@@ -45,13 +45,9 @@ impl CmiSymb {
     /// A setting that is not allowed: there is no p-value from theory and no confidence interval.
     pub fn new(settings: &TestSettings) -> Result<Self> {
         settings.check()?;
-        if settings.significance == Some(Significance::Analytic) {
-            let reason = "cmisymb has none from theory; take gsquared, or 'shuffle_test'";
-            return Err(Error::param("significance", reason));
-        }
-        if matches!(settings.confidence, Some(Confidence::Analytic | Confidence::Bootstrap)) {
-            return Err(Error::param("confidence", "cmisymb has none; leave it out"));
-        }
+        let reason = "cmisymb has none from theory; take gsquared, or 'shuffle_test'";
+        Error::ensure(settings.significance != Some(Significance::Analytic), "significance", || reason)?;
+        Error::ensure(settings.confidence.is_none(), "confidence", || "cmisymb has none; leave it out")?;
         let significance = settings.significance.unwrap_or(Significance::ShuffleTest);
         Ok(Self { significance, sig_samples: settings.sig_samples.unwrap_or(500), seed: settings.seed })
     }

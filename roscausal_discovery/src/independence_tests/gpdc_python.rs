@@ -32,9 +32,8 @@ impl GpdcPython {
                 return Err(Error::param("significance", "gpdc-python knows analytic and shuffle_test"));
             }
         };
-        if settings.confidence.is_some() {
-            return Err(Error::param("confidence", "gpdc-python has no confidence interval; use gpdc"));
-        }
+        let reason = "gpdc-python has no confidence interval; use gpdc";
+        Error::ensure(settings.confidence.is_none(), "confidence", || reason)?;
         Ok(Self { significance, sig_samples: settings.sig_samples.unwrap_or(500), seed: settings.seed })
     }
 

@@ -151,13 +151,8 @@ impl CondIndTest for OracleCi {
     }
 
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
-        if samples.data().n_vars() != self.parents.len() {
-            return Err(Error::Data(format!(
-                "the oracle knows {} variables, the data have {}",
-                self.parents.len(),
-                samples.data().n_vars()
-            )));
-        }
+        let (known, n) = (self.parents.len(), samples.data().n_vars());
+        Error::ensure_data(known == n, || format!("the oracle knows {known} variables, the data have {n}"))?;
         Ok(Box::new(self))
     }
 }

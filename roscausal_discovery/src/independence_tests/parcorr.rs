@@ -73,10 +73,10 @@ impl CondIndTest for ParCorr {
     }
 
     fn with_dummies(&self, dummies: &[Dummy]) -> Result<Box<dyn CondIndTest + '_>> {
-        if self.linear.significance != Significance::Analytic || self.linear.settings.confidence.is_some() {
-            let reason = "with dummies parcorr has analytic p-values only, and no intervals; leave it out";
-            return Err(Error::param("significance", reason));
-        }
+        let Linear { significance, settings } = &self.linear;
+        let is_analytic = *significance == Significance::Analytic && settings.confidence.is_none();
+        let reason = "with dummies parcorr has analytic p-values only, and no intervals; leave it out";
+        Error::ensure(is_analytic, "significance", || reason)?;
         Ok(Box::new(ParCorrMult::new(self, dummies)))
     }
 

@@ -74,18 +74,14 @@ impl CondIndTest for ParCorrMult<'_> {
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
         let lengths: Vec<usize> = samples.data().recordings().iter().map(|r| r.nrows()).collect();
         let longest = lengths.iter().copied().max().unwrap_or(0);
-        if self.dummies.contains(&Dummy::Space) && lengths.len() < 2 {
-            let reason =
-                "there is one recording, so there is nothing that recordings can differ in; give several"
-                    .into();
-            return Err(Error::Data(reason));
-        }
-        if self.dummies.contains(&Dummy::Time) && lengths.iter().any(|&n| n != longest) {
-            let reason = format!(
-                "a time dummy needs recordings of equal length on one clock; they have {lengths:?} rows"
-            );
-            return Err(Error::Data(reason));
-        }
+        Error::ensure_data(
+            !self.dummies.contains(&Dummy::Space) || lengths.len() > 1,
+            || "there is one recording, so there is nothing that recordings can differ in; give several",
+        )?;
+        let are_equal = lengths.iter().all(|&n| n == longest);
+        Error::ensure_data(!self.dummies.contains(&Dummy::Time) || are_equal, || {
+            format!("a time dummy needs recordings of equal length on one clock; they have {lengths:?} rows")
+        })?;
         Ok(Box::new(Prepared {
             plain: self.plain.prepare(samples)?,
             samples,

@@ -115,9 +115,8 @@ pub fn run_granger(data: &DataFrame, settings: &GrangerSettings, control: &Contr
 
 impl GrangerSettings {
     fn check(&self) -> Result<()> {
-        if self.tau_min == 0 {
-            return Err(Error::param("tau_min", "0: Granger causality knows the past only; give at least 1"));
-        }
+        let reason = "0: Granger causality knows the past only; give at least 1";
+        Error::ensure(self.tau_min > 0, "tau_min", || reason)?;
         Error::check_lags(self.tau_min, self.tau_max)
     }
 

@@ -147,21 +147,16 @@ fn remarks(data: &DataFrame, classes: &[NodeClass]) -> Vec<String> {
 fn check(data: &DataFrame, test: &dyn CondIndTest, settings: &JpcmciPlusSettings) -> Result<Vec<NodeClass>> {
     let fail = |name: &str, reason: String| Err(Error::param(name, reason));
     settings.pcmci.check(data, test)?;
-    if settings.pcmci.pc_alpha.len() != 1 {
-        return fail("pc_alpha", "jpcmciplus takes one level; give one, such as 0.01".to_owned());
-    }
-    if settings.pcmci.tau_min != 0 {
-        let reason = format!("{}: contexts act at lag 0; give 0", settings.pcmci.tau_min);
-        return fail("tau_min", reason);
-    }
+    let reason = "jpcmciplus takes one level; give one, such as 0.01";
+    Error::ensure(settings.pcmci.pc_alpha.len() == 1, "pc_alpha", || reason)?;
+    let lag = settings.pcmci.tau_min;
+    Error::ensure(lag == 0, "tau_min", || format!("{lag}: contexts act at lag 0; give 0"))?;
     let mut classes = settings.classes.clone();
     if classes.is_empty() {
         classes = vec![NodeClass::System; data.n_vars()];
     }
-    if classes.len() != data.n_vars() {
-        let reason = format!("{} classes for {} variables; give one for each", classes.len(), data.n_vars());
-        return fail("classes", reason);
-    }
+    let (given, n) = (classes.len(), data.n_vars());
+    Error::ensure(given == n, "classes", || format!("{given} classes for {n} variables; give one for each"))?;
     for (var, class) in classes.iter().enumerate() {
         let name = &data.var_names()[var];
         if *class == NodeClass::SpaceContext

@@ -168,9 +168,7 @@ pub fn run_timino(data: &DataFrame, settings: &TiminoSettings, control: &Control
 
 impl TiminoSettings {
     fn check(&self) -> Result<()> {
-        if self.tau_max == 0 {
-            return Err(Error::param("tau_max", "0 leaves no past; give at least 1"));
-        }
+        Error::ensure(self.tau_max > 0, "tau_max", || "0 leaves no past; give at least 1")?;
         Error::check_lags(self.tau_min, self.tau_max)
     }
 }

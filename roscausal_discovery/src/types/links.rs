@@ -253,10 +253,9 @@ impl LinkAssumptions {
 
     /// Checks that the assumptions match the variables and lags of a run.
     pub(crate) fn check(&self, n_vars: usize, tau_min: usize, tau_max: usize) -> Result<()> {
-        if self.targets.len() != n_vars {
-            let reason = format!("they are for {} variables, the data have {n_vars}", self.targets.len());
-            return Err(Error::param("link_assumptions", reason));
-        }
+        Error::ensure(self.targets.len() == n_vars, "link_assumptions", || {
+            format!("they are for {} variables, the data have {n_vars}", self.targets.len())
+        })?;
         for map in &self.targets {
             if let Some(node) = map.keys().find(|node| !(tau_min..=tau_max).contains(&node.lag)) {
                 let reason = format!("lag {} is outside tau_min..tau_max = {tau_min}..{tau_max}", node.lag);

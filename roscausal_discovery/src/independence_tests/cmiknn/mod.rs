@@ -80,24 +80,19 @@ impl CmiKnn {
     pub fn new(settings: &TestSettings) -> Result<Self> {
         settings.check()?;
         let significance = settings.significance.unwrap_or(Significance::ShuffleTest);
-        if significance == Significance::Analytic {
-            let reason = "cmiknn has no analytic one; choose 'shuffle_test' or 'fixed_thres'";
-            return Err(Error::param("significance", reason));
-        }
+        let reason = "cmiknn has no analytic one; choose 'shuffle_test' or 'fixed_thres'";
+        Error::ensure(significance != Significance::Analytic, "significance", || reason)?;
         if settings.confidence == Some(Confidence::Analytic) {
             return Err(Error::param("confidence", "cmiknn has none from theory; choose 'bootstrap'"));
         }
         let knn = settings.knn;
-        if !(knn > 0.0 && knn.is_finite()) {
-            let reason =
-                format!("{knn} must be a number of neighbours, or a fraction of the samples below 1");
-            return Err(Error::param("knn", reason));
-        }
+        Error::ensure(knn > 0.0 && knn.is_finite(), "knn", || {
+            format!("{knn} must be a number of neighbours, or a fraction of the samples below 1")
+        })?;
         let shuffle_neighbors = settings.shuffle_neighbors;
-        if shuffle_neighbors < 2 {
-            let reason = format!("{shuffle_neighbors} must be at least 2, of which the sample itself is one");
-            return Err(Error::param("shuffle_neighbors", reason));
-        }
+        Error::ensure(shuffle_neighbors > 1, "shuffle_neighbors", || {
+            format!("{shuffle_neighbors} must be at least 2, of which the sample itself is one")
+        })?;
         let transform = match settings.transform.as_str() {
             "ranks" | "uniform" => Transform::Ranks,
             "standardize" => Transform::Standardize,

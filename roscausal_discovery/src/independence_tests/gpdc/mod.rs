@@ -73,9 +73,7 @@ pub(crate) fn gp_residuals(
     settings: &TestSettings,
     check: &dyn Fn() -> Result<()>,
 ) -> Result<Vec<f64>> {
-    if target.len() < FEWEST_SAMPLES {
-        return Err(too_few(target.len()));
-    }
+    check_samples(target.len())?;
     if conditions.is_empty() {
         return Ok(target.to_vec());
     }
@@ -138,12 +136,9 @@ impl Gpdc {
     /// # Errors
     /// A setting that the test does not allow.
     pub fn new(settings: &TestSettings) -> Result<Self> {
-        if settings.sig_samples == Some(0) {
-            return Err(Error::param("sig_samples", "must be at least 1 (default 500)"));
-        }
-        if settings.confidence == Some(Confidence::Analytic) {
-            return Err(Error::param("confidence", "gpdc has no analytic interval; use bootstrap"));
-        }
+        Error::ensure(settings.sig_samples != Some(0), "sig_samples", || "must be at least 1 (default 500)")?;
+        let reason = "gpdc has no analytic interval; use bootstrap";
+        Error::ensure(settings.confidence != Some(Confidence::Analytic), "confidence", || reason)?;
         Ok(Self { settings: settings.clone() })
     }
 
@@ -186,9 +181,7 @@ impl CondIndTest for Gpdc {
 
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
         let n = samples.len();
-        if n < FEWEST_SAMPLES {
-            return Err(too_few(n));
-        }
+        check_samples(n)?;
         let resources = self.resources(n)?;
         Ok(Box::new(PreparedGpdc { test: self, samples, resources, residuals: ResidualCache::default() }))
     }
@@ -269,9 +262,7 @@ impl PreparedTest for PreparedGpdc<'_> {
     fn model_selection_score(&self, target: Node, parents: &[Node]) -> Result<f64> {
         let z = unique(parents.to_vec());
         let arrays = self.samples.arrays(target, target, &z);
-        if arrays.x.len() < FEWEST_SAMPLES {
-            return Err(too_few(arrays.x.len()));
-        }
+        check_samples(arrays.x.len())?;
         let [target, _] = self.pair(target, target, &z, &arrays)?;
         Ok(-target.log_likelihood)
     }
@@ -352,8 +343,10 @@ impl PreparedGpdc<'_> {
     }
 }
 
-fn too_few(n: usize) -> Error {
-    Error::Data(format!("gpdc has {n} complete samples and needs at least {FEWEST_SAMPLES}; record more"))
+fn check_samples(n: usize) -> Result<()> {
+    Error::ensure_data(n >= FEWEST_SAMPLES, || {
+        format!("gpdc has {n} complete samples and needs at least {FEWEST_SAMPLES}; record more")
+    })
 }
 
 #[cfg(test)]

@@ -13,13 +13,12 @@ use faer::{
 };
 
 use super::{
-    FEWEST_SAMPLES,
+    check_samples,
     kernel::Inputs,
     memory_of,
     regression::{GaussianProcess, SearchSettings, no_covariance},
     resources::Resources,
     theta::Theta,
-    too_few,
 };
 use crate::{
     independence_tests::settings::TestSettings,
@@ -75,9 +74,7 @@ impl GpOptimum {
 /// Whether a regression of `target` on `conditions` is possible.
 fn check(target: &[f64], conditions: &[Vec<f64>]) -> Result<()> {
     let n = target.len();
-    if n < FEWEST_SAMPLES {
-        return Err(too_few(n));
-    }
+    check_samples(n)?;
     if let Some(row) = conditions.iter().position(|row| row.len() != n) {
         return Err(Error::Data(format!(
             "condition {row} has {} samples, the target {n}",
@@ -85,11 +82,11 @@ fn check(target: &[f64], conditions: &[Vec<f64>]) -> Result<()> {
         )));
     }
     let mut rows = conditions.iter().map(Vec::as_slice).chain([target]);
-    if conditions.is_empty() || rows.any(|row| is_constant(row) || !row.iter().all(|v| v.is_finite())) {
-        let reason = "a regression needs conditions and a target that vary, of finite values";
-        return Err(Error::Data(reason.into()));
-    }
-    Ok(())
+    let fits = |row: &[f64]| !is_constant(row) && row.iter().all(|v| v.is_finite());
+    Error::ensure_data(
+        !conditions.is_empty() && rows.all(fits),
+        || "a regression needs conditions and a target that vary, of finite values",
+    )
 }
 
 /// A Gaussian process regression with the kernel `RBF(length_scale) + White(noise)`, to predict with: the one that GPDC takes
@@ -363,10 +360,8 @@ impl GpRegression {
     }
 
     fn factor(&self) -> Result<Llt<f64>> {
-        if self.log_likelihood.is_nan() {
-            let reason = "a resampled regression keeps no counts; ask the one that it was made of";
-            return Err(Error::Data(reason.into()));
-        }
+        let reason = "a resampled regression keeps no counts; ask the one that it was made of";
+        Error::ensure_data(!self.log_likelihood.is_nan(), || reason)?;
         covariance(&self.inputs, self.theta.l, |_| self.theta.s)
     }
 }
