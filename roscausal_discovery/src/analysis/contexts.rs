@@ -135,12 +135,8 @@ pub(super) fn of_variables(found: &JpcmciPlusResult, data: &DataFrame, classes: 
     let vars: Vec<usize> = (0..n).collect();
     let mut result = found.result.on_features(&vars);
     result.parents = found.result.parents.iter().take(n).cloned().collect();
-    let listed = |is_meant: &dyn Fn(usize) -> bool| {
-        let names = vars.iter().filter(|&&var| is_meant(var)).map(|&var| data.var_names()[var].as_str());
-        names.collect::<Vec<_>>().join(", ")
-    };
-    let contexts = listed(&|var| classes[var] != NodeClass::System);
-    let differing = listed(&|var| !found.dummy_parents[var].is_empty());
+    let contexts = data.listed((0..n).filter(|&var| classes[var] != NodeClass::System));
+    let differing = data.listed((0..n).filter(|&var| !found.dummy_parents[var].is_empty()));
     if !contexts.is_empty() {
         result.remarks.push(format!("taken as contexts, which drive and are not driven: {contexts}"));
     }

@@ -183,11 +183,8 @@ impl Detector {
     /// What slopes do not follow, in a sentence; nothing is found there, and nothing should be concluded from that.
     pub fn misfit(&self) -> Option<String> {
         let name = |var: usize| plain(&self.names[var]);
-        let curves: Vec<String> = self
-            .curved
-            .iter()
-            .map(|&(cause, effect)| format!("{} on {}", name(effect), name(cause)))
-            .collect();
+        let curve = |&(cause, effect): &(usize, usize)| format!("{} on {}", name(effect), name(cause));
+        let curves: Vec<String> = self.curved.iter().map(curve).collect();
         (!curves.is_empty()).then(|| {
             format!(
                 "slopes do not fit where a dependence is a curve ({}): its changes are not seen; {} gpdc compares curves",

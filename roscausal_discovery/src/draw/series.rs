@@ -37,19 +37,15 @@ pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> Str
         let y = Axis::around(column.iter().copied(), bottom, top);
         let at = Point::new(12.0, (top + bottom) / 2.0 + 5.0);
         svg.text(at, 14.0, "start", INK, &cut(&display(name), LETTERS));
-        for (from, to) in &imposed {
+        let gaps = gaps(column.iter().map(|v| v.is_finite()), per_place);
+        let imposed = imposed.iter().map(|rows| (rows, "imposed", "#f59e0b", 0.22));
+        for ((from, to), class, fill, opacity) in
+            imposed.chain(gaps.iter().map(|rows| (rows, "gap", FAINT, 0.3)))
+        {
             let (left, width) = (x(*from) - 0.5, x(*to) - x(*from) + 1.0);
             svg.raw(&format!(
-                "<rect class=\"imposed\" x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{:.1}\" \
-                 fill=\"#f59e0b\" fill-opacity=\"0.22\"/>",
-                bottom - top
-            ));
-        }
-        for (from, to) in gaps(column.iter().map(|v| v.is_finite()), per_place) {
-            let (left, width) = (x(from) - 0.5, x(to) - x(from) + 1.0);
-            svg.raw(&format!(
-                "<rect class=\"gap\" x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{:.1}\" \
-                 fill=\"{FAINT}\" fill-opacity=\"0.3\"/>",
+                "<rect class=\"{class}\" x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{:.1}\" \
+                 fill=\"{fill}\" fill-opacity=\"{opacity}\"/>",
                 bottom - top
             ));
         }

@@ -215,11 +215,10 @@ fn remarks(data: &DataFrame, regression: &Autoregression) -> Vec<String> {
     if vars.is_empty() {
         return Vec::new();
     }
-    let names: Vec<&str> = vars.iter().map(|&var| data.var_names()[var].as_str()).collect();
     vec![format!(
         "{} determine each other, so no regression can tell them apart and none of them is shown as a cause; leave all but one \
          of them out",
-        names.join(", ")
+        data.listed(vars)
     )]
 }
 

@@ -124,17 +124,11 @@ impl PcStable<'_> {
             next.sort_by(|a, b| b.val_min.total_cmp(&a.val_min));
             present = next;
         }
-        let candidates = links
-            .iter()
-            .map(|(node, _)| all[node])
-            .map(|c| {
-                if c.val_min.is_finite() {
-                    c
-                } else {
-                    Candidate { val_min: 0.0, value: 0.0, pval_max: 1.0, ..c }
-                }
-            })
-            .collect();
+        let of = |(node, _): &(Node, Assumption)| match all[node] {
+            tested if tested.val_min.is_finite() => tested,
+            untested => Candidate { val_min: 0.0, value: 0.0, pval_max: 1.0, ..untested },
+        };
+        let candidates = links.iter().map(of).collect();
         let parents = present.iter().map(|c| c.node).collect();
         (TargetParents { parents, candidates, optimal_pc_alpha: None }, end)
     }

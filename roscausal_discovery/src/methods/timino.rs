@@ -156,11 +156,10 @@ pub fn run_timino(data: &DataFrame, settings: &TiminoSettings, control: &Control
         ended => ended?,
     }
     if result.links.status == Status::Complete && !result.undecided.is_empty() {
-        let names: Vec<&str> = result.undecided.iter().map(|&var| data.var_names()[var].as_str()).collect();
         result.links.remarks.push(format!(
             "undecided: {}; whichever of them is taken as an effect of the others, what is left of it depends on them: something \
              hidden drives them, they drive each other within a sample, or the model does not fit",
-            names.join(", ")
+            data.listed(result.undecided.iter().copied())
         ));
     }
     Ok(result)
@@ -232,11 +231,9 @@ impl Models<'_> {
         if deviation > NOTHING * whole {
             return Ok(rest);
         }
-        let names: Vec<&str> =
-            causes.iter().chain([&effect]).map(|&var| self.data.var_names()[var].as_str()).collect();
         Err(Error::Data(format!(
             "{} determine each other, so they have no causal order; leave all but one of them out",
-            names.join(", ")
+            self.data.listed(causes.iter().copied().chain([effect]))
         )))
     }
 
@@ -302,10 +299,8 @@ impl Models<'_> {
                 match least {
                     Some((&cause, (p, _))) if *p > self.settings.alpha_level => causes.remove(&cause),
                     _ => {
-                        asked
-                            .iter()
-                            .zip(&found)
-                            .for_each(|(&cause, (_, rest))| self.show(result, cause, effect, rest));
+                        let shown = asked.iter().zip(&found);
+                        shown.for_each(|(&cause, (_, rest))| self.show(result, cause, effect, rest));
                         break;
                     }
                 };

@@ -78,14 +78,8 @@ impl Model {
             return;
         }
         self.schema = SCHEMA.to_owned();
-        let required = |link: &&Link| link.required;
-        let place = |name: &String| self.features.iter().position(|feature| feature == name);
-        let required: HashSet<_> = self
-            .links
-            .iter()
-            .filter(required)
-            .filter_map(|link| Some((place(&link.cause)?, place(&link.effect)?, link.lag)))
-            .collect();
+        let place = |link: &Link| self.places(&link.cause, &link.effect).map(|(i, j)| (i, j, link.lag));
+        let required: HashSet<_> = self.links.iter().filter(|link| link.required).filter_map(place).collect();
         let is_link = |i: usize, j: usize, lag: usize| {
             self.graph.get(i).and_then(|of| of.get(j)?.get(lag)).is_some_and(|mark| mark.is_link())
         };

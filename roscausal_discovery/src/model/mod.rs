@@ -316,6 +316,12 @@ impl Model {
         if self.method.decides_by_pc_alpha() { self.pc_alpha } else { Some(self.alpha) }
     }
 
+    /// Where a cause and an effect stand among its features.
+    pub(crate) fn places(&self, cause: &str, effect: &str) -> Option<(usize, usize)> {
+        let place = |name: &str| self.features.iter().position(|feature| feature == name);
+        Some((place(cause)?, place(effect)?))
+    }
+
     /// The name of [`Model::link_level`], and the level as text.
     pub fn link_level_in_words(&self) -> (&'static str, String) {
         let name = if self.method.decides_by_pc_alpha() { "pc_alpha" } else { "alpha" };

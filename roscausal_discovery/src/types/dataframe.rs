@@ -347,6 +347,22 @@ impl DataFrame {
         self.var_names.len()
     }
 
+    /// The names of these variables, with commas.
+    pub(crate) fn listed(&self, vars: impl IntoIterator<Item = usize>) -> String {
+        vars.into_iter().map(|var| self.var_names[var].as_str()).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The different values of a variable; where there are more than `most`, one more.
+    pub(crate) fn different_values(&self, var: usize, most: usize) -> Vec<f64> {
+        let mut seen: Vec<f64> = Vec::new();
+        for value in self.recordings.iter().flat_map(|r| r.column(var)).filter(|value| !value.is_nan()) {
+            if seen.len() <= most && !seen.contains(value) {
+                seen.push(*value);
+            }
+        }
+        seen
+    }
+
     /// Whether some tests may have to leave out samples: a value is missing, a mask applies, or not every time counts.
     pub fn is_incomplete(&self) -> bool {
         let masked = self.masks.is_some() && self.mask_type != MaskType::default();

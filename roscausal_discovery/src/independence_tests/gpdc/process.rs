@@ -343,12 +343,8 @@ impl GpRegression {
     /// A regression that is resampled: its counts are not kept.
     pub fn leave_one_out(&self) -> Result<Vec<f64>> {
         let inverse = self.factor()?.inverse();
-        Ok(self
-            .weights
-            .iter()
-            .enumerate()
-            .map(|(i, weight)| self.scale.1 * weight / inverse[(i, i)])
-            .collect())
+        let left = |(i, weight): (usize, &f64)| self.scale.1 * weight / inverse[(i, i)];
+        Ok(self.weights.iter().enumerate().map(left).collect())
     }
 
     /// The inverse `A` of the samples' covariance matrix, noise included, and `A y`: both of standardised values.
