@@ -24,7 +24,7 @@ use super::{
 };
 use crate::types::{
     Assumption, CondIndTest, Control, DataFrame, Dummy, Error, LinkAssumptions, LinkMark, Node, Result,
-    Samples, same_value,
+    Samples, add_new, same_value,
 };
 
 /// What a variable is, seen over several recordings.
@@ -459,11 +459,7 @@ impl Search<'_, '_> {
 
 /// Adds what is neither `x` nor there yet.
 fn add(z: &mut Vec<Node>, x: Node, nodes: &[Node]) {
-    for &node in nodes {
-        if node != x && !z.contains(&node) {
-            z.push(node);
-        }
-    }
+    nodes.iter().filter(|node| **node != x).for_each(|&node| add_new(z, node));
 }
 
 /// Copies values and p-values of the pairs that are meant.

@@ -11,7 +11,7 @@ use super::{
     result::PcmciResult,
     run::Run,
 };
-use crate::types::{Assumption, Error, LinkAssumptions, LinkMark, Node, Result, TestResult};
+use crate::types::{Assumption, Error, LinkAssumptions, LinkMark, Node, Result, TestResult, add_new};
 
 /// The conditions under which links are tested.
 #[derive(Clone, Debug)]
@@ -33,12 +33,7 @@ pub(crate) struct Mci<'a> {
 /// lag, that are not yet among them.
 pub(crate) fn mci_conditions(x: Node, of_effect: &[Node], of_cause: &[Node], z: &mut Vec<Node>) {
     z.extend(of_effect.iter().copied().filter(|&node| node != x));
-    for node in of_cause {
-        let node = node.shifted(x.lag);
-        if !z.contains(&node) {
-            z.push(node);
-        }
-    }
+    of_cause.iter().for_each(|node| add_new(z, node.shifted(x.lag)));
 }
 
 /// The first `limit` nodes.

@@ -18,7 +18,7 @@ use super::{Advice, Link, Model, Outcome, cells, word_of};
 use crate::{
     later::Later,
     methods::{Method, MethodInfo, Reads, Status, fdr_bh},
-    types::{LinkMark, Named, names::plain, spelled_out, text::listed},
+    types::{LinkMark, Named, add_new, names::plain, spelled_out, text::listed},
     unsteady::Unsteady,
 };
 
@@ -263,10 +263,7 @@ impl<'a> Facts<'a> {
     fn own_past(&self) -> Vec<String> {
         let mut names: Vec<String> = Vec::new();
         for link in self.model.links.iter().filter(|link| link.cause == link.effect) {
-            let name = plain(&link.cause);
-            if !names.contains(&name) {
-                names.push(name);
-            }
+            add_new(&mut names, plain(&link.cause));
         }
         names
     }
@@ -551,11 +548,7 @@ impl<'a> Facts<'a> {
             let names: Vec<String> = model.dropped.iter().map(|name| plain(name)).collect();
             notes.push(format!("left out, without a link to another variable: {}", names.join(", ")));
         }
-        for warning in &model.warnings {
-            if !notes.contains(warning) {
-                notes.push(warning.clone());
-            }
-        }
+        model.warnings.iter().for_each(|warning| add_new(&mut notes, warning.clone()));
         notes
     }
 }

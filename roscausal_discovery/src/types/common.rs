@@ -19,6 +19,13 @@ pub(crate) fn unique<T: Ord>(mut all: Vec<T>) -> Vec<T> {
     all
 }
 
+/// Adds what is not yet there.
+pub(crate) fn add_new<T: PartialEq>(all: &mut Vec<T>, one: T) {
+    if !all.contains(&one) {
+        all.push(one);
+    }
+}
+
 /// Which columns are common, and to which recordings.
 #[derive(Clone, Debug)]
 pub(super) struct Common {

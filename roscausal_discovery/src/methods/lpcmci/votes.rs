@@ -5,7 +5,7 @@ use rustc_hash::FxHashSet;
 use super::{graph::Pair, search::Search, sets::union};
 use crate::{
     methods::pc_stable::combinations,
-    types::{Node, Result},
+    types::{Node, Result, add_new},
 };
 
 impl Search<'_, '_> {
@@ -39,9 +39,7 @@ impl Search<'_, '_> {
     fn voting_sets(&mut self, pair: Pair, searched: bool) -> Result<Vec<Vec<Node>>> {
         let mut sets: Vec<Vec<Node>> = Vec::new();
         for set in self.evidence(pair).map_or(&[][..], |evidence| &evidence.separating) {
-            if !sets.contains(&set.nodes) {
-                sets.push(set.nodes.clone());
-            }
+            add_new(&mut sets, set.nodes.clone());
         }
         if !searched {
             return Ok(sets);
@@ -57,8 +55,8 @@ impl Search<'_, '_> {
             for size in 0..=choices.len().min(most) {
                 for chosen in combinations(&choices, size) {
                     let z = union(pair, &chosen, &parents);
-                    if seen.insert(z.clone()) && self.separates(pair, &z)?.is_some() && !sets.contains(&z) {
-                        sets.push(z);
+                    if seen.insert(z.clone()) && self.separates(pair, &z)?.is_some() {
+                        add_new(&mut sets, z);
                     }
                 }
             }
