@@ -141,6 +141,18 @@ impl Correlations {
         self.constant[index]
     }
 
+    /// Puts the indices of the nodes that vary into a list.
+    pub(crate) fn varying(&self, nodes: &[Node], indices: &mut Vec<usize>) -> Result<()> {
+        indices.clear();
+        for &node in nodes {
+            let index = self.index(node)?;
+            if !self.is_constant(index) {
+                indices.push(index);
+            }
+        }
+        Ok(())
+    }
+
     /// Correlations of one node with all nodes.
     pub(crate) fn row(&self, index: usize) -> &[f64] {
         &self.r[index * self.n_nodes..(index + 1) * self.n_nodes]

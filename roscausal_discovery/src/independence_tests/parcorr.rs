@@ -213,7 +213,7 @@ impl Prepared<'_> {
             return Ok(Some(fast(None)));
         }
         self.with_workspace(|workspace| {
-            workspace.fill(r, z)?;
+            r.varying(z, &mut workspace.z)?;
             let value = workspace.factor.partial_correlation(r, x, y, &workspace.z);
             Ok(value.map(|value| fast(Some(value))))
         })
@@ -233,19 +233,6 @@ impl Prepared<'_> {
         let width = quantile(0.5 + 0.5 * self.test.settings.conf_lev, dof);
         let back = |t: f64| (t / (dof_f + t * t).sqrt()).clamp(-1.0, 1.0);
         (back(t - width), back(t + width))
-    }
-}
-
-impl Workspace {
-    fn fill(&mut self, r: &Correlations, z: &[Node]) -> Result<()> {
-        self.z.clear();
-        for &node in z {
-            let index = r.index(node)?;
-            if !r.is_constant(index) {
-                self.z.push(index);
-            }
-        }
-        Ok(())
     }
 }
 
@@ -332,7 +319,7 @@ impl PreparedTest for Prepared<'_> {
                 return Ok(penalty);
             }
             let left = self.with_workspace(|workspace| {
-                workspace.fill(r, parents)?;
+                r.varying(parents, &mut workspace.z)?;
                 Ok::<_, Error>(workspace.factor.residual_variance(r, target, &workspace.z))
             })?;
             if let Some(left) = left {

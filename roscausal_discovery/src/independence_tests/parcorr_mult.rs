@@ -225,18 +225,6 @@ fn columns(dummy: Dummy, rows: &[Vec<f64>], groups: &[Groups; 2], absorbs: Absor
     left.into_iter().enumerate().map(column).collect()
 }
 
-/// The indices of the nodes that vary.
-fn varying(r: &Correlations, z: &[Node]) -> Result<Vec<usize>> {
-    let mut indices = Vec::with_capacity(z.len());
-    for &node in z {
-        let index = r.index(node)?;
-        if !r.is_constant(index) {
-            indices.push(index);
-        }
-    }
-    Ok(indices)
-}
-
 impl Prepared<'_> {
     /// The dummy that a node stands for.
     fn dummy(&self, node: Node) -> Option<Dummy> {
@@ -341,7 +329,8 @@ impl Prepared<'_> {
         if r.is_constant(x) || r.is_constant(y) {
             return Ok(Some(0.0));
         }
-        let others = varying(r, z)?;
+        let mut others = Vec::new();
+        r.varying(z, &mut others)?;
         let mut factor = lock(factors).pop().unwrap_or_default();
         let value = factor.partial_correlation(r, x, y, &others);
         lock(factors).push(factor);
@@ -357,7 +346,8 @@ impl Prepared<'_> {
         if r.is_constant(y) {
             return Ok(Some(0.0));
         }
-        let mut nodes = varying(r, z)?;
+        let mut nodes = Vec::new();
+        r.varying(z, &mut nodes)?;
         nodes.push(y);
         let mut factor = lock(factors).pop().unwrap_or_default();
         let value = factor.set(r, &nodes).and_then(|()| {

@@ -57,9 +57,15 @@ impl Assumption {
         Self::SYMBOLS[self as usize]
     }
 
+    /// The marks of each two: a link that exists, and the same that may exist.
+    const MARKS: [LinkMark; 6] = {
+        use LinkMark::*;
+        [Forward, Backward, Unoriented, CircleHead, HeadCircle, Bidirected]
+    };
+
     /// The mark of a link that was found under the assumption.
     pub(crate) fn mark(self) -> LinkMark {
-        self.symbol().replace('?', "-").parse().unwrap_or_default()
+        Self::MARKS[self as usize / 2]
     }
 
     /// Whether the assumption speaks of causes that were not recorded.
