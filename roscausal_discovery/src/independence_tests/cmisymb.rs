@@ -124,7 +124,7 @@ mod tests {
     use ndarray::Array2;
 
     use super::*;
-    use crate::types::DataFrame;
+    use crate::{independence_tests::Confidence, types::DataFrame};
 
     #[test]
     fn what_a_third_variable_explains_is_no_dependence() {
