@@ -46,7 +46,9 @@ impl Levelled {
         if one || other || settings.levels == Levels::Keep {
             return Self { data, settings, note: None };
         }
-        let vars: Vec<usize> = (0..data.n_vars()).filter(|&var| is_measured(&data, var)).collect();
+        // Numbers, not one of two categories.
+        let vars: Vec<usize> =
+            (0..data.n_vars()).filter(|&var| data.different_values(var, 2).len() > 2).collect();
         let levels: Vec<usize> =
             vars.iter().copied().filter(|&var| levels_differ(&data, var, &runs)).collect();
         let scales: Vec<usize> =
@@ -55,8 +57,7 @@ impl Levelled {
             return Self { data, settings, note: None };
         }
         let named = |(vars, what): (&[usize], &str)| -> Option<String> {
-            let names: Vec<&str> = vars.iter().map(|&var| data.var_names()[var].as_str()).collect();
-            (!names.is_empty()).then(|| format!("the {what} of {}", names.join(", ")))
+            (!vars.is_empty()).then(|| format!("the {what} of {}", data.listed(vars.iter().copied())))
         };
         let differ: Vec<String> = match levels == scales {
             true => named((&levels, "level and scale")).into_iter().collect(),
@@ -80,18 +81,6 @@ impl Levelled {
             None => Self { data, settings, note: None },
         }
     }
-}
-
-/// Whether a variable is a number, not one of two and more categories.
-fn is_measured(data: &DataFrame, var: usize) -> bool {
-    let values = || data.recordings().iter().flat_map(|r| r.column(var)).filter(|value| !value.is_nan());
-    let mut different: Vec<f64> = Vec::new();
-    for value in values() {
-        if different.len() < 3 && !different.contains(value) {
-            different.push(*value);
-        }
-    }
-    different.len() > 2
 }
 
 /// The values of a variable in each run that has some.

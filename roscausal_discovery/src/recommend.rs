@@ -70,11 +70,8 @@ impl Recommendation {
 }
 
 fn method_for(data: &DataFrame, settings: &Settings) -> (Method, Vec<String>) {
-    let names = |vars: Vec<usize>| {
-        vars.iter().map(|&var| data.var_names()[var].as_str()).collect::<Vec<_>>().join(", ")
-    };
     if let Ok(interventions) = settings.interventions(data) {
-        let columns = names(interventions.iter().map(|one| one.context).collect());
+        let columns = data.listed(interventions.iter().map(|one| one.context));
         let reason = format!(
             "{columns}: it holds what was imposed on the system, and what follows an intervention tells causes from common causes \
              (candoit)"
@@ -87,7 +84,7 @@ fn method_for(data: &DataFrame, settings: &Settings) -> (Method, Vec<String>) {
         let reason = format!(
             "the {} recordings differ in the level of {}, which would look like links if they were pooled as they are (jpcmciplus)",
             data.recordings().len(),
-            names(differing)
+            data.listed(differing)
         );
         let care = "jpcmciplus assumes that all common causes were recorded, but those that are constant in a recording";
         return (Method::Jpcmciplus, vec![reason, care.to_owned()]);
@@ -105,16 +102,14 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
             "parcorr: the one test that can say which recording a sample is from".to_owned(),
         );
     }
-    let categories: Vec<&str> = categories(data, &settings.test.categories)
-        .into_iter()
-        .enumerate()
-        .filter(|&(var, is_category)| is_category && values(data, var).len() > 1)
-        .map(|(var, _)| data.var_names()[var].as_str())
-        .collect();
+    let n_values = |var: usize| data.different_values(var, MOST_VALUES).len();
+    let is_category = categories(data, &settings.test.categories);
+    let categories: Vec<usize> =
+        (0..data.n_vars()).filter(|&var| is_category[var] && n_values(var) > 1).collect();
     let rows: usize = data.recordings().iter().map(|r| r.nrows()).sum();
     if categories.len() == data.n_vars() {
         // Of two variables given a third.
-        let values = (0..data.n_vars()).map(|var| values(data, var).len()).max().unwrap_or(0);
+        let values = (0..data.n_vars()).map(n_values).max().unwrap_or(0);
         let freedom = values.saturating_sub(1).pow(2) * values;
         if rows < ENOUGH * freedom {
             let reason = format!(
@@ -126,7 +121,7 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
         return answer("gsquared", "gsquared: all variables are categories".to_owned());
     }
     if !categories.is_empty() && settings.method != Method::Candoit {
-        let listed = categories.join(", ");
+        let listed = data.listed(categories);
         return answer(
             "regressionci",
             format!("regressionci: {listed} has a few whole values, the others are numbers"),
@@ -147,17 +142,6 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
         return answer("robustparcorr", format!("robustparcorr: {slow}, and there are outliers"));
     }
     answer("parcorr", format!("parcorr: {slow}; effects that are not linear may be missed"))
-}
-
-/// The different values of a variable, one more than [`MOST_VALUES`] at most.
-fn values(data: &DataFrame, var: usize) -> Vec<f64> {
-    let mut seen: Vec<f64> = Vec::new();
-    for value in data.recordings().iter().flat_map(|r| r.column(var).to_vec()).filter(|v| !v.is_nan()) {
-        if seen.len() <= MOST_VALUES && !seen.contains(&value) {
-            seen.push(value);
-        }
-    }
-    seen
 }
 
 #[cfg(test)]

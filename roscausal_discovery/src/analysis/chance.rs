@@ -18,7 +18,7 @@ use std::collections::HashMap;
 use crate::{
     independence_tests::Significance,
     methods::{Method, Status},
-    model::Model,
+    model::{Model, cells},
     numeric::normal::normal_quantile,
     settings::Settings,
     types::LinkMark,
@@ -60,14 +60,10 @@ fn odds(model: &Model, settings: &Settings) -> Option<f64> {
 pub(crate) fn fill(model: &mut Model, settings: &Settings) {
     let Some(odds) = odds(model, settings) else { return };
     let (mut places, mut tests) = (HashMap::new(), Vec::new());
-    for (i, cause) in model.features.iter().enumerate() {
-        for (j, effect) in model.features.iter().enumerate().filter(|(j, _)| i != *j) {
-            for lag in 1..=model.tau_max {
-                let Some(p) = model.p_matrix[i][j][lag] else { continue };
-                places.insert((cause, effect, lag), tests.len());
-                tests.push((p, model.n_matrix[i][j][lag].unwrap_or(model.n_samples)));
-            }
-        }
+    for ([i, j, lag], p) in cells(&model.p_matrix).filter(|([i, j, lag], _)| i != j && *lag > 0) {
+        let Some(p) = *p else { continue };
+        places.insert((&model.features[i], &model.features[j], lag), tests.len());
+        tests.push((p, model.n_matrix[i][j][lag].unwrap_or(model.n_samples)));
     }
     let chances = chances(&tests, model.tau_max, odds);
     // That something not recorded drives both is another claim.

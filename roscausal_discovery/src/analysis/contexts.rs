@@ -13,16 +13,14 @@ use crate::{
         default_intervention_targets, is_constant, is_shared,
     },
     settings::Settings,
-    types::{DataFrame, Error, LinkMark, Result, names, same_value},
+    types::{DataFrame, Error, LinkMark, Result, names, same_value, unique},
 };
 
 impl Settings {
     /// What J-PCMCI+ takes the variables for.
     pub(crate) fn jpcmciplus(&self, data: &DataFrame) -> Result<JpcmciPlusSettings> {
-        if data.recordings().len() < 2 {
-            let reason = "jpcmciplus compares recordings and there is one; give several, or take pcmciplus";
-            return Err(Error::Data(reason.to_owned()));
-        }
+        let reason = "jpcmciplus compares recordings and there is one; give several, or take pcmciplus";
+        Error::ensure_data(data.recordings().len() > 1, || reason)?;
         // What contexts may drive is theirs to say, so exogenous variables make no assumptions here.
         let exogenous = self.context(data);
         let alone = Self { exogenous: Vec::new(), ..self.clone() };
@@ -60,8 +58,7 @@ impl Settings {
         };
         let mut contexts = self.context(data);
         contexts.extend(pairs.iter().filter_map(|(column, _)| place(column)));
-        contexts.sort_unstable();
-        contexts.dedup();
+        let contexts = unique(contexts);
         if contexts.is_empty() {
             let reason = format!(
                 "candoit needs interventions, and no column holds one (columns: {}); name it, such as do_robot_speed=r_v, or take \
@@ -138,12 +135,8 @@ pub(super) fn of_variables(found: &JpcmciPlusResult, data: &DataFrame, classes: 
     let vars: Vec<usize> = (0..n).collect();
     let mut result = found.result.on_features(&vars);
     result.parents = found.result.parents.iter().take(n).cloned().collect();
-    let listed = |is_meant: &dyn Fn(usize) -> bool| {
-        let names = vars.iter().filter(|&&var| is_meant(var)).map(|&var| data.var_names()[var].as_str());
-        names.collect::<Vec<_>>().join(", ")
-    };
-    let contexts = listed(&|var| classes[var] != NodeClass::System);
-    let differing = listed(&|var| !found.dummy_parents[var].is_empty());
+    let contexts = data.listed((0..n).filter(|&var| classes[var] != NodeClass::System));
+    let differing = data.listed((0..n).filter(|&var| !found.dummy_parents[var].is_empty()));
     if !contexts.is_empty() {
         result.remarks.push(format!("taken as contexts, which drive and are not driven: {contexts}"));
     }

@@ -106,9 +106,7 @@ impl Detector {
         }
         Error::check_lags(1, tau_max)?;
         for (name, level) in [("suspect_level", levels.suspect), ("confirm_level", levels.confirm)] {
-            if !(level > 0.0 && level < 1.0) {
-                return Err(Error::param(name, format!("{level} is not between 0 and 1")));
-            }
+            Error::ensure(level > 0.0 && level < 1.0, name, || format!("{level} is not between 0 and 1"))?;
         }
         let place = |name: &String| {
             let place = names.iter().position(|known| known == name);
@@ -185,11 +183,8 @@ impl Detector {
     /// What slopes do not follow, in a sentence; nothing is found there, and nothing should be concluded from that.
     pub fn misfit(&self) -> Option<String> {
         let name = |var: usize| plain(&self.names[var]);
-        let curves: Vec<String> = self
-            .curved
-            .iter()
-            .map(|&(cause, effect)| format!("{} on {}", name(effect), name(cause)))
-            .collect();
+        let curve = |&(cause, effect): &(usize, usize)| format!("{} on {}", name(effect), name(cause));
+        let curves: Vec<String> = self.curved.iter().map(curve).collect();
         (!curves.is_empty()).then(|| {
             format!(
                 "slopes do not fit where a dependence is a curve ({}): its changes are not seen; {} gpdc compares curves",
@@ -250,20 +245,14 @@ impl Detector {
         control: &Control,
         reported: &mut Vec<ChangeEvent>,
     ) -> Result<()> {
-        if !masked.is_empty() && masked.len() != values.nrows() {
-            let (given, rows) = (masked.len(), values.nrows());
-            let reason = format!("it is for {given} rows, and the recording has {rows}; give one for each");
-            return Err(Error::param("mask", reason));
-        }
-        if size < self.fewest_rows() {
-            let fewest = self.fewest_rows();
-            let reason = format!(
-                "parts of {size} rows are too small for {} variables; give at least {fewest}",
-                self.names.len()
-            );
-            return Err(Error::param("change_rows", reason));
-        }
-        let n = values.nrows();
+        let (given, n) = (masked.len(), values.nrows());
+        Error::ensure(given == 0 || given == n, "mask", || {
+            format!("it is for {given} rows, and the recording has {n}; give one for each")
+        })?;
+        let (n_vars, fewest) = (self.names.len(), self.fewest_rows());
+        Error::ensure(size >= fewest, "change_rows", || {
+            format!("parts of {size} rows are too small for {n_vars} variables; give at least {fewest}")
+        })?;
         let parts = (n / size).max(1);
         for part in 0..parts {
             // The rows before a part are its past.
@@ -294,10 +283,10 @@ impl Detector {
         overlaps: bool,
         control: &Control,
     ) -> Result<Vec<ChangeEvent>> {
-        if values.ncols() != self.names.len() {
-            let (n, wanted) = (values.ncols(), self.names.len());
-            return Err(Error::Data(format!("a batch of {n} variables, where the others have {wanted}")));
-        }
+        let (n, wanted) = (values.ncols(), self.names.len());
+        Error::ensure_data(n == wanted, || {
+            format!("a batch of {n} variables, where the others have {wanted}")
+        })?;
         let past = 2 * self.tau_max;
         let begin = self.rows - if overlaps { past } else { 0 };
         self.rows = begin + values.nrows();

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     numeric::slope::Slope,
-    types::{Control, Node},
+    types::{Control, Node, add_new},
 };
 
 /// Level at which a slope counts as none.
@@ -70,10 +70,7 @@ impl Mechanisms {
 
     /// A link that is there in one group, whatever both together show.
     pub(super) fn add(&mut self, at: Place) {
-        let node = Node::new(at.cause, at.lag);
-        if !self.parents[at.effect].contains(&node) {
-            self.parents[at.effect].push(node);
-        }
+        add_new(&mut self.parents[at.effect], Node::new(at.cause, at.lag));
     }
 
     /// The conditions of a possible link: the parents of its effect but the link itself.

@@ -12,7 +12,7 @@ use statrs::function::erf::erfc;
 
 use crate::settings::{Resampling, Scheme};
 use crate::{
-    model::{Advice, Confidence, Model},
+    model::{Advice, Confidence, Model, cells},
     numeric::normal::normal_quantile,
 };
 
@@ -57,18 +57,12 @@ struct Question<'a> {
 
 impl Question<'_> {
     fn answers(&self) -> Vec<Advice> {
-        let n = self.model.features.len();
-        let mut all = Vec::new();
-        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).filter(|(i, j)| i != j) {
-            for lag in self.model.tau_min..=self.model.tau_max {
-                let share = self.confidence.link_frequency[i][j][lag];
-                let in_model = self.model.graph[i][j][lag].is_link();
-                if (share > 0.0 || in_model) && (lag > 0 || i < j) {
-                    all.push(self.answer((i, j, lag), share, in_model));
-                }
-            }
-        }
-        all
+        let answer = |([i, j, lag], &share): ([usize; 3], &f64)| {
+            let in_model = self.model.graph[i][j][lag].is_link();
+            let is_asked = i != j && lag >= self.model.tau_min && (lag > 0 || i < j);
+            (is_asked && (share > 0.0 || in_model)).then(|| self.answer((i, j, lag), share, in_model))
+        };
+        cells(&self.confidence.link_frequency).filter_map(answer).collect()
     }
 
     fn answer(&self, (i, j, lag): (usize, usize, usize), share: f64, in_model: bool) -> Advice {
@@ -87,10 +81,7 @@ impl Question<'_> {
             n_needed: middle,
             n_low: low,
             n_high: high,
-            minutes: None,
-            minutes_low: None,
-            minutes_high: None,
-            sentence: String::new(),
+            ..Advice::default()
         };
         in_time(&mut advice, n, self.confidence.resampling.done, self.model.dt);
         advice

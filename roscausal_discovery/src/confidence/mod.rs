@@ -48,7 +48,7 @@ use crate::{
     analysis::{Found, analyse, analyse_with_evidence},
     evidence::Evidence,
     methods::Status,
-    model::{Confidence, Model, ResamplingFacts, nested},
+    model::{Confidence, Link, Model, ResamplingFacts, nested},
     settings::Settings,
     types::{Control, DataFrame, LinkMark, Result, Stop},
 };
@@ -175,11 +175,12 @@ fn graphs_of(found: &[Found], names: &[String]) -> Vec<ResampleGraph> {
 }
 
 fn with_confidence(mut model: Model, confidence: Confidence, resampling: &Resampling) -> Model {
-    let place = |name: &str| model.features.iter().position(|feature| feature == name).unwrap_or_default();
     let widened = resampling.widened();
     let one_sided = model.val_matrix.iter().flatten().flatten().flatten().all(|value| *value >= 0.0);
-    let places: Vec<_> = model.links.iter().map(|l| (place(&l.cause), place(&l.effect), l.lag)).collect();
-    for (link, (i, j, lag)) in model.links.iter_mut().zip(places) {
+    let place = |link: &Link| model.places(&link.cause, &link.effect).unwrap_or_default();
+    let places: Vec<(usize, usize)> = model.links.iter().map(place).collect();
+    for (link, (i, j)) in model.links.iter_mut().zip(places) {
+        let lag = link.lag;
         link.confidence = Some(confidence.link_frequency[i][j][lag]);
         let Some(value) = link.value else { continue };
         let [low, mean, high] =

@@ -27,7 +27,6 @@ pub(super) struct Arrow<'a> {
 /// One arrow for each mark of a pair, by cause and then effect. There is one place for each direction: the second mark of a pair, mirrored,
 /// takes that of the other direction. Where that is taken, its links join the first.
 pub(super) fn arrows<'a>(model: &'a Model) -> Vec<Arrow<'a>> {
-    let place = |name: &str| model.features.iter().position(|feature| feature == name);
     let mut pairs = std::collections::BTreeMap::<(usize, usize), Vec<&'a Link>>::new();
     let holds = |held: Option<&Vec<&Link>>, link: &Link| {
         let first = held.and_then(|held| held.first());
@@ -37,7 +36,7 @@ pub(super) fn arrows<'a>(model: &'a Model) -> Vec<Arrow<'a>> {
     links.sort_by(|a, b| b.drawn_strength().abs().total_cmp(&a.drawn_strength().abs()));
     let mut more = Vec::new();
     for link in links {
-        let (Some(from), Some(to)) = (place(&link.cause), place(&link.effect)) else { continue };
+        let Some((from, to)) = model.places(&link.cause, &link.effect) else { continue };
         let held = pairs.get(&(from, to));
         match link.mark != BOTH && (held.is_none() || holds(held, link)) {
             true => pairs.entry((from, to)).or_default().push(link),
@@ -60,10 +59,9 @@ pub(super) fn arrows<'a>(model: &'a Model) -> Vec<Arrow<'a>> {
 impl<'a> Arrow<'a> {
     fn new(from: usize, to: usize, mut links: Vec<&'a Link>, is_mirrored: bool) -> Option<Self> {
         links.sort_by_key(|link| link.lag);
-        let strongest = links
-            .iter()
-            .copied()
-            .max_by(|a, b| a.drawn_strength().abs().total_cmp(&b.drawn_strength().abs()))?;
+        let by_strength =
+            |a: &&Link, b: &&Link| a.drawn_strength().abs().total_cmp(&b.drawn_strength().abs());
+        let strongest = links.iter().copied().max_by(by_strength)?;
         let mark = if is_mirrored { strongest.mark.mirrored() } else { strongest.mark };
         Some(Self { from, to, links, strongest, mark })
     }

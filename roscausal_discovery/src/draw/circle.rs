@@ -17,10 +17,7 @@ const LETTER: f64 = 0.6;
 /// Draws a variable. A name that does not fit is cut; the whole name is shown on hover and read aloud.
 pub(super) fn variable(svg: &mut Svg, at: Point, name: &str) {
     svg.raw(&format!("<g class=\"node\"><title>{}</title>", escaped(&display(name))));
-    svg.raw(&format!(
-        "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{NODE}\" fill=\"#eef2f6\" stroke=\"{INK}\" stroke-width=\"1.6\"/>",
-        at.x, at.y
-    ));
+    svg.circle(at, NODE, "#eef2f6", INK, 1.6);
     let lines = lines(&display(name));
     let longest = lines.iter().map(|line| line.chars().count()).max().unwrap_or(0).max(4);
     let room = if lines.len() > 1 { 1.4 } else { 1.6 };

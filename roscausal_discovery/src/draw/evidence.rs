@@ -43,13 +43,9 @@ pub fn lag_function(link: &LinkEvidence, alpha: f64) -> String {
             y.at(0.0)
         ));
         let fill = if at.p_value <= alpha { colour } else { "#ffffff" };
-        svg.raw(&format!(
-            "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3.6\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.4\"/>"
-        ));
+        svg.circle(Point::new(px, py), 3.6, fill, colour, 1.4);
         if at.lag == link.lag {
-            svg.raw(&format!(
-                "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"7\" fill=\"none\" stroke=\"{INK}\" stroke-width=\"1.2\"/>"
-            ));
+            svg.circle(Point::new(px, py), 7.0, "none", INK, 1.2);
         }
         if place % every == 0 {
             svg.text(Point::new(px, BOTTOM + 14.0), 10.0, "middle", INK, &at.lag.to_string());

@@ -4,7 +4,7 @@ use ndarray::ArrayView2;
 
 use super::{
     axis::Axis,
-    svg::{FAINT, INK, Point, Svg, cut, display},
+    svg::{FAINT, INK, Point, Svg, cut, dashed, display},
 };
 
 const LEFT: f64 = 118.0;
@@ -225,7 +225,7 @@ impl Strip<'_, '_> {
             pen_down = point.is_some();
         }
         if !path.is_empty() {
-            let dash = if dash.is_empty() { String::new() } else { format!(" stroke-dasharray=\"{dash}\"") };
+            let dash = dashed(dash);
             svg.raw(&format!(
                 "<path class=\"{class}\" d=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\"{dash}/>",
                 path.trim_end()

@@ -77,8 +77,7 @@ impl<'a> Matrix<'a> {
             ));
         }
         for link in &self.model.links {
-            let place = |name: &str| self.model.features.iter().position(|feature| feature == name);
-            let (Some(cause), Some(effect)) = (place(&link.cause), place(&link.effect)) else { continue };
+            let Some((cause, effect)) = self.model.places(&link.cause, &link.effect) else { continue };
             let slot = link.lag.saturating_sub(self.model.tau_min);
             let within = |slot: usize| 2.0 + SLOT * (slot as f64 + 0.5);
             let disc = corner.plus(

@@ -1,7 +1,10 @@
 //! What is not a link of a model, but was found in many of its resamples.
 
 use super::svg::MAYBE;
-use crate::{model::Model, types::LinkMark};
+use crate::{
+    model::{Model, cells},
+    types::LinkMark,
+};
 
 /// A pair at a lag, by its variables' places.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,17 +26,11 @@ impl Maybe {
 /// All of a model, by cause, effect and lag; none without resamples.
 pub(super) fn maybes(model: &Model) -> Vec<Maybe> {
     let Some(confidence) = &model.confidence else { return Vec::new() };
-    let n = model.features.len();
-    let mut all = Vec::new();
-    for (from, to) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-        for lag in model.tau_min..=model.tau_max {
-            let share = confidence.link_frequency[from][to][lag];
-            let is_link = model.graph[from][to][lag].is_link();
-            // At lag 0 each pair is twice in the matrix.
-            if share >= MAYBE && !is_link && (lag > 0 || from < to) {
-                all.push(Maybe { from, to, lag, share });
-            }
-        }
-    }
-    all
+    let maybe = |([from, to, lag], &share): ([usize; 3], &f64)| {
+        let is_link = model.graph[from][to][lag].is_link();
+        // At lag 0 each pair is twice in the matrix.
+        let is_drawn = share >= MAYBE && !is_link && lag >= model.tau_min && (lag > 0 || from < to);
+        is_drawn.then_some(Maybe { from, to, lag, share })
+    };
+    cells(&confidence.link_frequency).filter_map(maybe).collect()
 }

@@ -6,6 +6,7 @@ use super::{
     axis::Axis,
     svg::{FAINT, INK, Point, Svg, cut, display},
 };
+use crate::types::unique;
 
 const WIDTH: f64 = 900.0;
 const LEFT: f64 = 110.0;
@@ -36,19 +37,15 @@ pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> Str
         let y = Axis::around(column.iter().copied(), bottom, top);
         let at = Point::new(12.0, (top + bottom) / 2.0 + 5.0);
         svg.text(at, 14.0, "start", INK, &cut(&display(name), LETTERS));
-        for (from, to) in &imposed {
+        let gaps = gaps(column.iter().map(|v| v.is_finite()), per_place);
+        let imposed = imposed.iter().map(|rows| (rows, "imposed", "#f59e0b", 0.22));
+        for ((from, to), class, fill, opacity) in
+            imposed.chain(gaps.iter().map(|rows| (rows, "gap", FAINT, 0.3)))
+        {
             let (left, width) = (x(*from) - 0.5, x(*to) - x(*from) + 1.0);
             svg.raw(&format!(
-                "<rect class=\"imposed\" x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{:.1}\" \
-                 fill=\"#f59e0b\" fill-opacity=\"0.22\"/>",
-                bottom - top
-            ));
-        }
-        for (from, to) in gaps(column.iter().map(|v| v.is_finite()), per_place) {
-            let (left, width) = (x(from) - 0.5, x(to) - x(from) + 1.0);
-            svg.raw(&format!(
-                "<rect class=\"gap\" x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{:.1}\" \
-                 fill=\"{FAINT}\" fill-opacity=\"0.3\"/>",
+                "<rect class=\"{class}\" x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{:.1}\" \
+                 fill=\"{fill}\" fill-opacity=\"{opacity}\"/>",
                 bottom - top
             ));
         }
@@ -107,14 +104,9 @@ fn seen(column: ArrayView1<f64>, per_place: usize) -> Vec<usize> {
         let to = (from + per_place).min(column.len());
         let finite = || (from..to).filter(|&row| column[row].is_finite());
         let by_value = |a: &usize, b: &usize| column[*a].total_cmp(&column[*b]);
-        let mut place: Vec<usize> =
-            [finite().next(), finite().min_by(by_value), finite().max_by(by_value), finite().next_back()]
-                .into_iter()
-                .flatten()
-                .collect();
-        place.sort_unstable();
-        place.dedup();
-        rows.extend(place);
+        let ends =
+            [finite().next(), finite().min_by(by_value), finite().max_by(by_value), finite().next_back()];
+        rows.extend(unique(ends.into_iter().flatten().collect()));
     }
     rows
 }

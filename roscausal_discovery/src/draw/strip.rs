@@ -136,9 +136,7 @@ fn draw_strip(svg: &mut Svg, strip: &Strip, time: &Axis, top: f64) {
             ));
         }
         let fill = if point.found { colour } else { "#ffffff" };
-        svg.raw(&format!(
-            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.4\" fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.4\"/>"
-        ));
+        svg.circle(Point::new(x, y), 3.4, fill, colour, 1.4);
     }
 }
 

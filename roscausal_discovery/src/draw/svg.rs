@@ -87,6 +87,14 @@ impl Svg {
         }
     }
 
+    /// A circle around a place.
+    pub(super) fn circle(&mut self, at: Point, radius: f64, fill: &str, stroke: &str, width: f64) {
+        self.raw(&format!(
+            "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{radius}\" fill=\"{fill}\" stroke=\"{stroke}\" stroke-width=\"{width}\"/>",
+            at.x, at.y
+        ));
+    }
+
     /// What stands at the end `tip` of a line that comes from the direction `back`: a head, a circle, a cross, or nothing.
     fn line_end(&mut self, end: char, tip: Point, back: Point, size: f64, stroke: &Stroke) {
         let half = size * 0.45;
@@ -175,8 +183,7 @@ impl Stroke {
     }
 
     fn attributes(&self) -> String {
-        let dash =
-            if self.dash.is_empty() { String::new() } else { format!(" stroke-dasharray=\"{}\"", self.dash) };
+        let dash = dashed(self.dash);
         format!(
             "stroke=\"{}\" stroke-width=\"{:.2}\" stroke-opacity=\"{}\"{dash}",
             self.colour, self.width, self.opacity
@@ -241,6 +248,11 @@ fn dash_of_share(share: f64) -> &'static str {
     if share < 0.5 { "5 4" } else { "" }
 }
 
+/// The attribute of a dashed line; nothing for a full one.
+pub(super) fn dashed(dash: &str) -> String {
+    if dash.is_empty() { String::new() } else { format!(" stroke-dasharray=\"{dash}\"") }
+}
+
 /// From this share of the resamples on, what is not a link of the model is drawn, dotted.
 pub(super) const MAYBE: f64 = 0.3;
 
@@ -249,10 +261,7 @@ fn legend_of_shares(svg: &mut Svg, at: Point) {
     let rows = [(0.95, "firm: 0.9 or more"), (0.6, "likely: 0.5"), (0.4, "unsure: below")];
     for (row, (share, text)) in rows.into_iter().enumerate() {
         let y = at.y + 18.0 * row as f64;
-        let dash = match dash_of_share(share) {
-            "" => String::new(),
-            dash => format!(" stroke-dasharray=\"{dash}\""),
-        };
+        let dash = dashed(dash_of_share(share));
         let (x, opacity) = (at.x, opacity(share));
         svg.raw(&format!(
             "<path d=\"M {x:.1} {y:.1} h 44\" stroke=\"{INK}\" stroke-width=\"3\" stroke-opacity=\"{opacity}\"{dash}/>"
@@ -291,7 +300,7 @@ fn legend(svg: &mut Svg, at: Point, smallest_p: f64, signed: bool) {
     let mut y = at.y;
     let smallest = format!("p < {smallest_p}");
     for (dash, text) in [("", smallest.as_str()), ("14 5", "p < 0.01"), ("5 4", "p ≥ 0.01")] {
-        let dash = if dash.is_empty() { String::new() } else { format!(" stroke-dasharray=\"{dash}\"") };
+        let dash = dashed(dash);
         svg.raw(&format!(
             "<path d=\"M {:.1} {y:.1} h 44\" stroke=\"{INK}\" stroke-width=\"3\"{dash}/>",
             at.x

@@ -32,8 +32,7 @@ pub fn tsdag(model: &Model) -> String {
     }
     for shift in (0..columns).rev() {
         for link in model.links.iter().filter(|link| link.lag + shift <= model.tau_max) {
-            let row = |name: &str| model.features.iter().position(|feature| feature == name);
-            let (Some(i), Some(j)) = (row(&link.cause), row(&link.effect)) else { continue };
+            let Some((i, j)) = model.places(&link.cause, &link.effect) else { continue };
             let mut stroke = Stroke::of(model, link, link.confidence, link.mark);
             if shift > 0 {
                 stroke.opacity *= 0.25;
@@ -48,11 +47,7 @@ pub fn tsdag(model: &Model) -> String {
     for (row, name) in model.features.iter().enumerate() {
         svg.text(Point::new(16.0, place(row, 0).y + 5.0), 14.0, "start", INK, &display(name));
         for lag in 0..columns {
-            let at = place(row, lag);
-            let (x, y) = (at.x, at.y);
-            svg.raw(&format!(
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{NODE}\" fill=\"#eef2f6\" stroke=\"{INK}\" stroke-width=\"1.4\"/>"
-            ));
+            svg.circle(place(row, lag), NODE, "#eef2f6", INK, 1.4);
         }
     }
     for lag in 0..columns {

@@ -160,16 +160,11 @@ fn gathered(
         t / (dof as f64 + t * t).sqrt()
     });
     let (scatter, residuals) = scatter::scatters(arrays, drawn);
-    let place = |name: &str| model.features.iter().position(|feature| feature == name);
-    let lags = match (place(&link.cause), place(&link.effect)) {
-        (Some(i), Some(j)) => (model.tau_min..=model.tau_max)
-            .filter_map(|lag| {
-                let (value, p_value) = (model.val_matrix[i][j][lag]?, model.p_matrix[i][j][lag]?);
-                Some(AtLag { lag, value, p_value })
-            })
-            .collect(),
-        _ => Vec::new(),
+    let at_lag = |lag: usize| {
+        let (i, j) = model.places(&link.cause, &link.effect)?;
+        Some(AtLag { lag, value: model.val_matrix[i][j][lag]?, p_value: model.p_matrix[i][j][lag]? })
     };
+    let lags = (model.tau_min..=model.tau_max).filter_map(at_lag).collect();
     LinkEvidence {
         cause: link.cause.clone(),
         effect: link.effect.clone(),

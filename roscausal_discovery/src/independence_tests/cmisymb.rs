@@ -2,7 +2,7 @@
 
 use super::{
     gsquared::{g_statistic, levels, strata},
-    settings::{Confidence, Significance, TestSettings},
+    settings::{Significance, TestSettings},
 };
 use crate::{
     numeric::random::Rng,
@@ -45,13 +45,9 @@ impl CmiSymb {
     /// A setting that is not allowed: there is no p-value from theory and no confidence interval.
     pub fn new(settings: &TestSettings) -> Result<Self> {
         settings.check()?;
-        if settings.significance == Some(Significance::Analytic) {
-            let reason = "cmisymb has none from theory; take gsquared, or 'shuffle_test'";
-            return Err(Error::param("significance", reason));
-        }
-        if matches!(settings.confidence, Some(Confidence::Analytic | Confidence::Bootstrap)) {
-            return Err(Error::param("confidence", "cmisymb has none; leave it out"));
-        }
+        let reason = "cmisymb has none from theory; take gsquared, or 'shuffle_test'";
+        Error::ensure(settings.significance != Some(Significance::Analytic), "significance", || reason)?;
+        Error::ensure(settings.confidence.is_none(), "confidence", || "cmisymb has none; leave it out")?;
         let significance = settings.significance.unwrap_or(Significance::ShuffleTest);
         Ok(Self { significance, sig_samples: settings.sig_samples.unwrap_or(500), seed: settings.seed })
     }
@@ -91,7 +87,7 @@ impl PreparedTest for Prepared<'_> {
             _ => self.shuffled(&of_x, &of_y, &stratum, g.value, Rng::for_test(self.test.seed, x, y, z))?,
         };
         let value = g.value / (2.0 * xs.len().max(1) as f64);
-        Ok(TestResult { value, p_value, confidence: None, n_samples: xs.len(), n_lost, dependent: None })
+        Ok(TestResult::new(value, p_value, xs.len(), n_lost))
     }
 
     fn is_cheap(&self) -> bool {
@@ -128,7 +124,7 @@ mod tests {
     use ndarray::Array2;
 
     use super::*;
-    use crate::types::DataFrame;
+    use crate::{independence_tests::Confidence, types::DataFrame};
 
     #[test]
     fn what_a_third_variable_explains_is_no_dependence() {

@@ -32,9 +32,8 @@ impl GpdcPython {
                 return Err(Error::param("significance", "gpdc-python knows analytic and shuffle_test"));
             }
         };
-        if settings.confidence.is_some() {
-            return Err(Error::param("confidence", "gpdc-python has no confidence interval; use gpdc"));
-        }
+        let reason = "gpdc-python has no confidence interval; use gpdc";
+        Error::ensure(settings.confidence.is_none(), "confidence", || reason)?;
         Ok(Self { significance, sig_samples: settings.sig_samples.unwrap_or(500), seed: settings.seed })
     }
 
@@ -110,14 +109,7 @@ impl PreparedTest for Prepared<'_> {
         // The Python class gives no value for a constant series.
         let (value, p_value) =
             if value.is_finite() && p_value.is_finite() { (value, p_value) } else { (0.0, 1.0) };
-        Ok(TestResult {
-            value,
-            p_value,
-            confidence: None,
-            n_samples: n,
-            n_lost: arrays.n_lost,
-            dependent: None,
-        })
+        Ok(TestResult::new(value, p_value, n, arrays.n_lost))
     }
 }
 

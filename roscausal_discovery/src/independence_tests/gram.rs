@@ -34,7 +34,7 @@ impl Correlations {
     /// Correlations of the untransformed lagged variables. No value may be missing.
     pub(crate) fn lagged(samples: &Samples<'_>) -> Result<Self> {
         if samples.are_listed() {
-            return Self::of_listed(samples);
+            return Self::of_transformed(samples, |_| ());
         }
         let Sums { products, mut sums } = Sums::new(samples, &standardized_columns(samples))?;
         let n = samples.len() as f64;
@@ -73,14 +73,16 @@ impl Correlations {
         Ok(Self::normalized(samples.cut_off() + 1, all, &vec![0.0; n_nodes], n, constant))
     }
 
-    /// Correlations of listed samples: those of two lags share no sums.
-    fn of_listed(samples: &Samples<'_>) -> Result<Self> {
+    /// Correlations of the lagged variables, each row transformed on its own: those of two lags share no sums.
+    pub(crate) fn of_transformed(samples: &Samples<'_>, transform: impl Fn(&mut [f64])) -> Result<Self> {
         let n_lags = samples.cut_off() + 1;
         let mut rows = Vec::with_capacity(samples.data().n_vars() * n_lags);
         for var in 0..samples.data().n_vars() {
-            samples.control().check_cancelled()?;
             for lag in 0..n_lags {
+                samples.control().check_cancelled()?;
                 let mut row = samples.values(Node::new(var, lag));
+                transform(&mut row);
+                // A constant row stays as it is; it is recognised by its equal values.
                 standardize(&mut row);
                 rows.push(row);
             }
@@ -139,6 +141,18 @@ impl Correlations {
         self.constant[index]
     }
 
+    /// Puts the indices of the nodes that vary into a list.
+    pub(crate) fn varying(&self, nodes: &[Node], indices: &mut Vec<usize>) -> Result<()> {
+        indices.clear();
+        for &node in nodes {
+            let index = self.index(node)?;
+            if !self.is_constant(index) {
+                indices.push(index);
+            }
+        }
+        Ok(())
+    }
+
     /// Correlations of one node with all nodes.
     pub(crate) fn row(&self, index: usize) -> &[f64] {
         &self.r[index * self.n_nodes..(index + 1) * self.n_nodes]
@@ -189,13 +203,17 @@ impl Sums {
     /// Of nodes whose samples lie side by side.
     pub(super) fn of_nodes(recordings: &Columns, n_nodes: usize) -> Self {
         let mut of = Self { products: vec![0.0; n_nodes * n_nodes], sums: vec![0.0; n_nodes] };
-        for rows in recordings {
-            for (i, row) in rows.iter().enumerate() {
-                of.sums[i] += row.iter().sum::<f64>();
-                dots(row, &rows[i..], |k, sum| of.products[i * n_nodes + i + k] += sum);
-            }
-        }
+        recordings.iter().for_each(|rows| of.add(rows));
         of
+    }
+
+    /// Adds samples of the nodes.
+    pub(super) fn add(&mut self, rows: &[Vec<f64>]) {
+        let n_nodes = rows.len();
+        for (i, row) in rows.iter().enumerate() {
+            self.sums[i] += row.iter().sum::<f64>();
+            dots(row, &rows[i..], |k, sum| self.products[i * n_nodes + i + k] += sum);
+        }
     }
 
     pub(super) fn new(samples: &Samples<'_>, columns: &Columns) -> Result<Self> {

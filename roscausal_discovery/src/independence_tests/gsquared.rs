@@ -10,10 +10,7 @@ use super::{
     settings::{Confidence, Significance, TestSettings},
 };
 use crate::{
-    numeric::{
-        random::{Rng, seed_of_draw},
-        special::chi_squared_sf,
-    },
+    numeric::special::chi_squared_sf,
     types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
 };
 
@@ -134,10 +131,7 @@ impl PreparedTest for Prepared<'_> {
         let corrected = !settings.as_tigramite && self.test.significance == Significance::Analytic;
         let g = g_statistic(&levels(&xs), &levels(&ys), &stratum, corrected);
         self.sparse.count(xs.len(), g.dof, ENOUGH);
-        let mut resampling = Resampling {
-            rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw), x, y, z),
-            control: self.samples.control(),
-        };
+        let mut resampling = Resampling::of(self.samples, settings.seed, x, y, z);
         let p_value = match self.test.significance {
             Significance::Analytic if corrected => chi_squared_sf(g.value * g.dof as f64 / g.mean, g.dof),
             Significance::Analytic => chi_squared_sf(g.value, g.dof),
@@ -150,16 +144,13 @@ impl PreparedTest for Prepared<'_> {
                 })?
             }
         };
-        let confidence = match settings.confidence {
-            None => None,
-            Some(_) => {
-                let blocks = (settings.conf_samples, settings.conf_blocklength, settings.conf_lev);
-                Some(resampling.bootstrap(&xs, &ys, &zs, blocks, |x, y, z| {
-                    g_statistic(&levels(&x), &levels(&y), &strata(&z, x.len()), false).value
-                })?)
-            }
-        };
-        Ok(TestResult { value: g.value, p_value, confidence, n_samples: xs.len(), n_lost, dependent: None })
+        let mut result = TestResult::new(g.value, p_value, xs.len(), n_lost);
+        if settings.confidence.is_some() {
+            result.confidence = Some(resampling.bootstrap(&xs, &ys, &zs, settings, |x, y, z| {
+                g_statistic(&levels(&x), &levels(&y), &strata(&z, x.len()), false).value
+            })?);
+        }
+        Ok(result)
     }
 
     fn caution(&self) -> Option<String> {

@@ -12,7 +12,7 @@
 //! A difference of large sums loses digits. Where less than a thousandth of a node's sum of squares is left, the samples are
 //! added up; where even that fails, the answer is `None`, and the test works on the samples themselves.
 
-use super::gram::{Columns, Correlations, Sums, dots, standardized_columns, window};
+use super::gram::{Columns, Correlations, Sums, standardized_columns, window};
 use crate::types::{Node, Result, Samples};
 
 /// Smallest fraction of a sum of squares that may be left.
@@ -37,12 +37,6 @@ pub(super) struct Answer {
     pub(super) correlations: Correlations,
     pub(super) n_samples: usize,
     pub(super) n_lost: usize,
-}
-
-/// Sums over some samples: products as a full matrix of which the upper triangle is filled.
-struct Part {
-    products: Vec<f64>,
-    sums: Vec<f64>,
 }
 
 impl Incomplete {
@@ -118,19 +112,19 @@ impl Incomplete {
         together
     }
 
-    fn all_sums(&self, nodes: &[Node]) -> Part {
+    fn all_sums(&self, nodes: &[Node]) -> Sums {
         let n_nodes = self.all.sums.len();
         let at: Vec<usize> = nodes.iter().map(|&node| self.index(node)).collect();
         let product = |a: usize, b: usize| self.all.products[at[a].min(at[b]) * n_nodes + at[a].max(at[b])];
         let k = nodes.len();
         let products = (0..k * k).map(|ab| if ab / k <= ab % k { product(ab / k, ab % k) } else { 0.0 });
-        Part { products: products.collect(), sums: at.iter().map(|&a| self.all.sums[a]).collect() }
+        Sums { products: products.collect(), sums: at.iter().map(|&a| self.all.sums[a]).collect() }
     }
 
     /// Sums over the samples whose bit is `set`.
-    fn sum(&self, nodes: &[Node], bits: &[Vec<u64>], set: bool) -> Part {
+    fn sum(&self, nodes: &[Node], bits: &[Vec<u64>], set: bool) -> Sums {
         let k = nodes.len();
-        let mut part = Part { products: vec![0.0; k * k], sums: vec![0.0; k] };
+        let mut part = Sums::of_nodes(&Vec::new(), k);
         let mut rows = vec![Vec::with_capacity(BLOCK); k];
         for (recording, bits) in bits.iter().enumerate() {
             let windows: Option<Vec<&[f64]>> =
@@ -160,15 +154,7 @@ fn at_listed_times(samples: &Samples<'_>, columns: &Columns) -> Columns {
     columns.iter().enumerate().map(of_recording).collect()
 }
 
-impl Part {
-    fn add(&mut self, rows: &[Vec<f64>]) {
-        let k = rows.len();
-        for a in 0..k {
-            self.sums[a] += rows[a].iter().sum::<f64>();
-            dots(&rows[a], &rows[a..], |b, sum| self.products[a * k + a + b] += sum);
-        }
-    }
-
+impl Sums {
     fn minus(&self, other: &Self) -> Self {
         let differences = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect();
         Self {

@@ -151,28 +151,16 @@ impl CondIndTest for OracleCi {
     }
 
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
-        if samples.data().n_vars() != self.parents.len() {
-            return Err(Error::Data(format!(
-                "the oracle knows {} variables, the data have {}",
-                self.parents.len(),
-                samples.data().n_vars()
-            )));
-        }
+        let (known, n) = (self.parents.len(), samples.data().n_vars());
+        Error::ensure_data(known == n, || format!("the oracle knows {known} variables, the data have {n}"))?;
         Ok(Box::new(self))
     }
 }
 
 impl PreparedTest for &OracleCi {
     fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
-        let separated = self.is_separated(x, y, z);
-        Ok(TestResult {
-            value: if separated { 0.0 } else { 1.0 },
-            p_value: if separated { 1.0 } else { 0.0 },
-            confidence: None,
-            n_samples: 0,
-            n_lost: 0,
-            dependent: None,
-        })
+        let (value, p_value) = if self.is_separated(x, y, z) { (0.0, 1.0) } else { (1.0, 0.0) };
+        Ok(TestResult::new(value, p_value, 0, 0))
     }
 
     fn is_cheap(&self) -> bool {

@@ -12,7 +12,6 @@ use super::{
 };
 use crate::{
     numeric::{
-        random::{Rng, seed_of_draw},
         rows::standardize,
         student_t::{correlation_p_value, quantile},
     },
@@ -74,10 +73,10 @@ impl CondIndTest for ParCorr {
     }
 
     fn with_dummies(&self, dummies: &[Dummy]) -> Result<Box<dyn CondIndTest + '_>> {
-        if self.linear.significance != Significance::Analytic || self.linear.confidence.is_some() {
-            let reason = "with dummies parcorr has analytic p-values only, and no intervals; leave it out";
-            return Err(Error::param("significance", reason));
-        }
+        let Linear { significance, settings } = &self.linear;
+        let is_analytic = *significance == Significance::Analytic && settings.confidence.is_none();
+        let reason = "with dummies parcorr has analytic p-values only, and no intervals; leave it out";
+        Error::ensure(is_analytic, "significance", || reason)?;
         Ok(Box::new(ParCorrMult::new(self, dummies)))
     }
 
@@ -93,28 +92,20 @@ pub(crate) type Transform = fn(&mut [f64]);
 #[derive(Clone, Debug)]
 pub(crate) struct Linear {
     pub(crate) significance: Significance,
-    sig_samples: usize,
-    sig_blocklength: Option<usize>,
-    confidence: Option<Confidence>,
-    conf_lev: f64,
-    conf_samples: usize,
-    conf_blocklength: Option<usize>,
-    seed: u64,
+    settings: TestSettings,
 }
 
 impl Linear {
     pub(crate) fn new(settings: &TestSettings) -> Result<Self> {
         settings.check()?;
-        Ok(Self {
-            significance: settings.significance.unwrap_or(Significance::Analytic),
-            sig_samples: settings.sig_samples.unwrap_or(500),
-            sig_blocklength: settings.sig_blocklength,
-            confidence: settings.confidence,
-            conf_lev: settings.conf_lev,
-            conf_samples: settings.conf_samples,
-            conf_blocklength: settings.conf_blocklength,
-            seed: settings.seed,
-        })
+        let significance = settings.significance.unwrap_or(Significance::Analytic);
+        Ok(Self { significance, settings: settings.clone() })
+    }
+
+    /// Whether it needs the samples themselves, and not their correlations only.
+    fn is_by_samples(&self) -> bool {
+        self.significance == Significance::ShuffleTest
+            || self.settings.confidence == Some(Confidence::Bootstrap)
     }
 
     pub(crate) fn prepare<'a>(
@@ -136,7 +127,7 @@ impl Linear {
         let shared = if samples.data().is_incomplete() || !fits {
             None
         } else if let Some(transform) = transform {
-            Some(transformed_correlations(samples, transform)?)
+            Some(Correlations::of_transformed(samples, transform)?)
         } else {
             Some(Correlations::lagged(samples)?)
         };
@@ -149,23 +140,6 @@ impl Linear {
             factors: Mutex::default(),
         }))
     }
-}
-
-fn transformed_correlations(samples: &Samples<'_>, transform: Transform) -> Result<Correlations> {
-    let n_lags = samples.cut_off() + 1;
-    let mut rows = Vec::with_capacity(samples.data().n_vars() * n_lags);
-    for var in 0..samples.data().n_vars() {
-        for lag in 0..n_lags {
-            samples.control().check_cancelled()?;
-            let node = Node::new(var, lag);
-            let mut row = samples.arrays(node, node, &[]).x;
-            transform(&mut row);
-            // A constant row stays as it is; it is recognised by its equal values.
-            standardize(&mut row);
-            rows.push(row);
-        }
-    }
-    Ok(Correlations::of_rows(&rows, n_lags))
 }
 
 /// The test on the samples of one run.
@@ -239,7 +213,7 @@ impl Prepared<'_> {
             return Ok(Some(fast(None)));
         }
         self.with_workspace(|workspace| {
-            workspace.fill(r, z)?;
+            r.varying(z, &mut workspace.z)?;
             let value = workspace.factor.partial_correlation(r, x, y, &workspace.z);
             Ok(value.map(|value| fast(Some(value))))
         })
@@ -256,30 +230,15 @@ impl Prepared<'_> {
     fn analytic_confidence(&self, value: f64, dof: usize) -> (f64, f64) {
         let dof_f = dof as f64;
         let t = value * (dof_f / ((1.0 - value) * (1.0 + value)).max(f64::MIN_POSITIVE)).sqrt();
-        let width = quantile(0.5 + 0.5 * self.test.conf_lev, dof);
+        let width = quantile(0.5 + 0.5 * self.test.settings.conf_lev, dof);
         let back = |t: f64| (t / (dof_f + t * t).sqrt()).clamp(-1.0, 1.0);
         (back(t - width), back(t + width))
     }
 }
 
-impl Workspace {
-    fn fill(&mut self, r: &Correlations, z: &[Node]) -> Result<()> {
-        self.z.clear();
-        for &node in z {
-            let index = r.index(node)?;
-            if !r.is_constant(index) {
-                self.z.push(index);
-            }
-        }
-        Ok(())
-    }
-}
-
 impl PreparedTest for Prepared<'_> {
     fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
-        let test = self.test;
-        let by_samples =
-            test.significance == Significance::ShuffleTest || test.confidence == Some(Confidence::Bootstrap);
+        let (test, settings, by_samples) = (self.test, &self.test.settings, self.test.is_by_samples());
         let mut rows = None;
         let fast = if by_samples { None } else { self.fast(x, y, z)? };
         let (value, n_samples, n_lost) = match fast {
@@ -297,31 +256,27 @@ impl PreparedTest for Prepared<'_> {
                 (value, n_samples, n_lost)
             }
         };
-        let mut result =
-            TestResult { value: 0.0, p_value: 1.0, confidence: None, n_samples, n_lost, dependent: None };
+        let mut result = TestResult::new(0.0, 1.0, n_samples, n_lost);
         // Defined answers: a constant has no dependence, and without degrees of freedom there is no evidence.
         let dof = n_samples.saturating_sub(2 + z.len());
         let Some(value) = value.filter(|_| dof > 0) else {
-            result.confidence = test.confidence.map(|_| (0.0, 0.0));
+            result.confidence = settings.confidence.map(|_| (0.0, 0.0));
             return Ok(result);
         };
         result.value = value;
-        let mut resampling = Resampling {
-            rng: Rng::for_test(seed_of_draw(test.seed, self.samples.data().draw), x, y, z),
-            control: self.samples.control(),
-        };
+        let mut resampling = Resampling::of(self.samples, settings.seed, x, y, z);
         result.p_value = match (test.significance, &rows) {
             (Significance::ShuffleTest, Some((x, y, _))) => {
-                resampling.shuffle_p(x, y, test.sig_samples, test.sig_blocklength, value, correlation)?
+                let samples = settings.sig_samples.unwrap_or(500);
+                resampling.shuffle_p(x, y, samples, settings.sig_blocklength, value, correlation)?
             }
             (Significance::FixedThres, _) => 1.0,
             _ => correlation_p_value(value, dof),
         };
-        result.confidence = match (test.confidence, rows) {
+        result.confidence = match (settings.confidence, rows) {
             (None, _) => None,
             (Some(Confidence::Bootstrap), Some((_, _, r))) => {
-                let blocks = (test.conf_samples, test.conf_blocklength, test.conf_lev);
-                Some(resampling.bootstrap(&r.x, &r.y, &r.z, blocks, |x, y, z| {
+                Some(resampling.bootstrap(&r.x, &r.y, &r.z, settings, |x, y, z| {
                     let (mut x, mut y, mut z) = (x, y, z);
                     if !standardize(&mut x) || !standardize(&mut y) {
                         return 0.0;
@@ -338,11 +293,11 @@ impl PreparedTest for Prepared<'_> {
 
     fn with_samples(&self, result: TestResult, n_samples: usize, n_conditions: usize) -> Option<TestResult> {
         let (test, dof) = (self.test, n_samples.saturating_sub(2 + n_conditions));
-        if test.significance == Significance::ShuffleTest || test.confidence == Some(Confidence::Bootstrap) {
+        if test.is_by_samples() {
             return None;
         }
         if dof == 0 {
-            let confidence = test.confidence.map(|_| (0.0, 0.0));
+            let confidence = test.settings.confidence.map(|_| (0.0, 0.0));
             return Some(TestResult { value: 0.0, p_value: 1.0, confidence, n_samples, ..result });
         }
         let p_value = match test.significance {
@@ -364,7 +319,7 @@ impl PreparedTest for Prepared<'_> {
                 return Ok(penalty);
             }
             let left = self.with_workspace(|workspace| {
-                workspace.fill(r, parents)?;
+                r.varying(parents, &mut workspace.z)?;
                 Ok::<_, Error>(workspace.factor.residual_variance(r, target, &workspace.z))
             })?;
             if let Some(left) = left {
@@ -391,8 +346,6 @@ impl PreparedTest for Prepared<'_> {
     }
 
     fn is_cheap(&self) -> bool {
-        self.shared.is_some()
-            && self.test.significance != Significance::ShuffleTest
-            && self.test.confidence != Some(Confidence::Bootstrap)
+        self.shared.is_some() && !self.test.is_by_samples()
     }
 }

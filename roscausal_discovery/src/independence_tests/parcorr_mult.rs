@@ -74,18 +74,14 @@ impl CondIndTest for ParCorrMult<'_> {
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
         let lengths: Vec<usize> = samples.data().recordings().iter().map(|r| r.nrows()).collect();
         let longest = lengths.iter().copied().max().unwrap_or(0);
-        if self.dummies.contains(&Dummy::Space) && lengths.len() < 2 {
-            let reason =
-                "there is one recording, so there is nothing that recordings can differ in; give several"
-                    .into();
-            return Err(Error::Data(reason));
-        }
-        if self.dummies.contains(&Dummy::Time) && lengths.iter().any(|&n| n != longest) {
-            let reason = format!(
-                "a time dummy needs recordings of equal length on one clock; they have {lengths:?} rows"
-            );
-            return Err(Error::Data(reason));
-        }
+        Error::ensure_data(
+            !self.dummies.contains(&Dummy::Space) || lengths.len() > 1,
+            || "there is one recording, so there is nothing that recordings can differ in; give several",
+        )?;
+        let are_equal = lengths.iter().all(|&n| n == longest);
+        Error::ensure_data(!self.dummies.contains(&Dummy::Time) || are_equal, || {
+            format!("a time dummy needs recordings of equal length on one clock; they have {lengths:?} rows")
+        })?;
         Ok(Box::new(Prepared {
             plain: self.plain.prepare(samples)?,
             samples,
@@ -229,18 +225,6 @@ fn columns(dummy: Dummy, rows: &[Vec<f64>], groups: &[Groups; 2], absorbs: Absor
     left.into_iter().enumerate().map(column).collect()
 }
 
-/// The indices of the nodes that vary.
-fn varying(r: &Correlations, z: &[Node]) -> Result<Vec<usize>> {
-    let mut indices = Vec::with_capacity(z.len());
-    for &node in z {
-        let index = r.index(node)?;
-        if !r.is_constant(index) {
-            indices.push(index);
-        }
-    }
-    Ok(indices)
-}
-
 impl Prepared<'_> {
     /// The dummy that a node stands for.
     fn dummy(&self, node: Node) -> Option<Dummy> {
@@ -345,7 +329,8 @@ impl Prepared<'_> {
         if r.is_constant(x) || r.is_constant(y) {
             return Ok(Some(0.0));
         }
-        let others = varying(r, z)?;
+        let mut others = Vec::new();
+        r.varying(z, &mut others)?;
         let mut factor = lock(factors).pop().unwrap_or_default();
         let value = factor.partial_correlation(r, x, y, &others);
         lock(factors).push(factor);
@@ -361,7 +346,8 @@ impl Prepared<'_> {
         if r.is_constant(y) {
             return Ok(Some(0.0));
         }
-        let mut nodes = varying(r, z)?;
+        let mut nodes = Vec::new();
+        r.varying(z, &mut nodes)?;
         nodes.push(y);
         let mut factor = lock(factors).pop().unwrap_or_default();
         let value = factor.set(r, &nodes).and_then(|()| {
@@ -457,7 +443,7 @@ impl PreparedTest for Prepared<'_> {
             0 => (0.0, 1.0),
             _ => (value, (correlation_p_value(value, dof) * n_components as f64).min(1.0)),
         };
-        Ok(TestResult { value, p_value, confidence: None, n_samples, n_lost, dependent: None })
+        Ok(TestResult::new(value, p_value, n_samples, n_lost))
     }
 
     fn model_selection_score(&self, target: Node, parents: &[Node]) -> Result<f64> {

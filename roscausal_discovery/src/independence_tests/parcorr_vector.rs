@@ -103,7 +103,7 @@ impl PreparedTest for Prepared<'_> {
             }
             p_value = (correlation_p_value(value, dof) * n_pairs as f64).min(1.0);
         }
-        Ok(TestResult { value, p_value, confidence: None, n_samples, n_lost, dependent: None })
+        Ok(TestResult::new(value, p_value, n_samples, n_lost))
     }
 }
 

@@ -107,7 +107,7 @@ impl PreparedTest for Prepared<'_> {
             value = correlation(&x_left, &y_left);
             p_value = correlation_p_value(value, dof);
         }
-        Ok(TestResult { value, p_value, confidence: None, n_samples, n_lost, dependent: None })
+        Ok(TestResult::new(value, p_value, n_samples, n_lost))
     }
 }
 

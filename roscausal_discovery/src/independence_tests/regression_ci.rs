@@ -96,13 +96,8 @@ impl CondIndTest for RegressionCi {
 /// Whether each variable is one of categories: those `named`; where none is, those with at most ten different values, all whole.
 pub(crate) fn categories(data: &DataFrame, named: &[String]) -> Vec<bool> {
     let is_category = |var: usize| {
-        let mut seen: Vec<f64> = Vec::new();
-        data.recordings().iter().flat_map(|r| r.column(var).to_vec()).filter(|v| !v.is_nan()).all(|v| {
-            if !seen.contains(&v) {
-                seen.push(v);
-            }
-            v.fract() == 0.0 && seen.len() <= MOST_VALUES
-        })
+        let values = data.different_values(var, MOST_VALUES);
+        values.len() <= MOST_VALUES && values.iter().all(|v| v.fract() == 0.0)
     };
     let is_named = |var: usize| named.iter().any(|name| names::position(data.var_names(), name) == Some(var));
     (0..data.n_vars()).map(|var| if named.is_empty() { is_category(var) } else { is_named(var) }).collect()
@@ -136,7 +131,7 @@ impl PreparedTest for Prepared<'_> {
                 p_value = found.1;
             }
         }
-        Ok(TestResult { value, p_value, confidence: None, n_samples, n_lost, dependent: None })
+        Ok(TestResult::new(value, p_value, n_samples, n_lost))
     }
 
     fn caution(&self) -> Option<String> {

@@ -1,8 +1,12 @@
 //! Significance and confidence by block resampling.
 
+use super::settings::TestSettings;
 use crate::{
-    numeric::{random::Rng, rows::unit_factor},
-    types::{Control, Result},
+    numeric::{
+        random::{Rng, seed_of_draw},
+        rows::unit_factor,
+    },
+    types::{Control, Node, Result, Samples},
 };
 
 /// Resampling for one test.
@@ -11,7 +15,12 @@ pub(crate) struct Resampling<'a> {
     pub(crate) control: &'a Control,
 }
 
-impl Resampling<'_> {
+impl<'a> Resampling<'a> {
+    /// That of one test on these samples.
+    pub(crate) fn of(samples: &'a Samples<'_>, seed: u64, x: Node, y: Node, z: &[Node]) -> Self {
+        let rng = Rng::for_test(seed_of_draw(seed, samples.data().draw), x, y, z);
+        Self { rng, control: samples.control() }
+    }
     /// P-value of a two-sided test. X is shuffled in blocks; the p-value is the fraction of surrogates whose
     /// statistic is at least as large, `(count + 1) / (samples + 1)`.
     pub(crate) fn shuffle_p(
@@ -43,19 +52,19 @@ impl Resampling<'_> {
         Ok((count + 1) as f64 / (samples + 1) as f64)
     }
 
-    /// Percentile interval of the statistic over block-bootstrap samples, drawn jointly for all rows. The tuple is
-    /// `(samples, block length, level)`.
+    /// Percentile interval of the statistic over block-bootstrap samples, drawn jointly for all rows.
     pub(crate) fn bootstrap(
         &mut self,
         x: &[f64],
         y: &[f64],
         z: &[Vec<f64>],
-        (samples, block_length, level): (usize, Option<usize>, f64),
+        settings: &TestSettings,
         statistic: impl Fn(Vec<f64>, Vec<f64>, Vec<Vec<f64>>) -> f64,
     ) -> Result<(f64, f64)> {
         let n = x.len();
         let rows: Vec<&[f64]> = [x, y].into_iter().chain(z.iter().map(Vec::as_slice)).collect();
-        let length = block_length.unwrap_or_else(|| optimal_block_length(&rows)).clamp(1, n.max(1));
+        let length = settings.conf_blocklength.unwrap_or_else(|| optimal_block_length(&rows));
+        let (samples, length) = (settings.conf_samples, length.clamp(1, n.max(1)));
         let mut values = Vec::with_capacity(samples);
         let mut index = Vec::with_capacity(n + length);
         for sample in 0..samples.max(1) {
@@ -72,7 +81,7 @@ impl Resampling<'_> {
             values.push(statistic(draw(x), draw(y), z.iter().map(|row| draw(row)).collect()));
         }
         values.sort_unstable_by(f64::total_cmp);
-        let tail = 0.5 - 0.5 * level;
+        let tail = 0.5 - 0.5 * settings.conf_lev;
         let at = |q: f64| values[((q * values.len() as f64) as usize).min(values.len() - 1)];
         Ok((at(tail), at(1.0 - tail)))
     }

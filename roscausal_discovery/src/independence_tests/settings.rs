@@ -112,28 +112,23 @@ impl TestSettings {
     /// # Errors
     /// The first setting that is out of its range.
     pub fn check(&self) -> Result<()> {
-        let positive = |name: &str, value: Option<usize>| match value {
-            Some(0) => Err(Error::param(name, "0 is not allowed; give 1 or more")),
-            _ => Ok(()),
+        let positive = |name: &str, value: Option<usize>| {
+            Error::ensure(value != Some(0), name, || "0 is not allowed; give 1 or more")
         };
-        let bounded = |name: &str, value: Option<usize>| match value {
-            Some(n) if n > MOST_SURROGATES => {
-                let reason = format!(
-                    "{n} is above {MOST_SURROGATES}, which tell a p-value to a millionth; give fewer"
-                );
-                Err(Error::param(name, reason))
-            }
-            value => positive(name, value),
+        let bounded = |name: &str, value: Option<usize>| {
+            let n = value.unwrap_or(1);
+            Error::ensure(n <= MOST_SURROGATES, name, || {
+                format!("{n} is above {MOST_SURROGATES}, which tell a p-value to a millionth; give fewer")
+            })?;
+            positive(name, value)
         };
         bounded("sig_samples", self.sig_samples)?;
         positive("sig_blocklength", self.sig_blocklength)?;
         positive("shuffle_stop", self.shuffle_stop)?;
         bounded("conf_samples", Some(self.conf_samples))?;
         positive("conf_blocklength", self.conf_blocklength)?;
-        if !(0.0..1.0).contains(&self.conf_lev) || self.conf_lev == 0.0 {
-            return Err(Error::param("conf_lev", format!("{} is not between 0 and 1", self.conf_lev)));
-        }
-        Ok(())
+        let level = self.conf_lev;
+        Error::ensure(level > 0.0 && level < 1.0, "conf_lev", || format!("{level} is not between 0 and 1"))
     }
 
     /// Checks the settings of a test that has p-values from theory only, and no intervals.
@@ -141,13 +136,10 @@ impl TestSettings {
     /// # Errors
     /// Another significance, a confidence.
     pub(super) fn check_analytic(&self, test: &str) -> Result<()> {
-        match (self.significance, self.confidence) {
-            (None | Some(Significance::Analytic), None) => Ok(()),
-            (_, Some(_)) => Err(Error::param("confidence", format!("{test} has none; leave it out"))),
-            _ => {
-                let reason = format!("{test} has analytic p-values only; choose 'analytic'");
-                Err(Error::param("significance", reason))
-            }
-        }
+        Error::ensure(self.confidence.is_none(), "confidence", || format!("{test} has none; leave it out"))?;
+        let is_analytic = matches!(self.significance, None | Some(Significance::Analytic));
+        Error::ensure(is_analytic, "significance", || {
+            format!("{test} has analytic p-values only; choose 'analytic'")
+        })
     }
 }

@@ -7,7 +7,7 @@ use crate::{
         least_squares::{LeastSquares, ROUNDING},
         rows::moments,
     },
-    types::{CompleteRows, Control, DataFrame, Error, Named, Node, Result, Samples},
+    types::{CompleteRows, Control, DataFrame, Error, Named, Node, Result, Samples, unique},
 };
 
 /// A score by which the number of lags is chosen: `ln det(E'E / n)` of the residuals plus a price per coefficient. The least
@@ -126,13 +126,8 @@ impl Autoregression {
 
     /// The variables of which some lags are determined by other columns, so that their coefficients say nothing.
     pub(super) fn undetermined(&self) -> Vec<usize> {
-        let mut vars: Vec<usize> = (0..self.causes.len())
-            .filter(|&k| self.fit.is_undetermined(k))
-            .map(|k| self.causes[k].var)
-            .collect();
-        vars.sort_unstable();
-        vars.dedup();
-        vars
+        let causes = (0..self.causes.len()).filter(|&k| self.fit.is_undetermined(k));
+        unique(causes.map(|k| self.causes[k].var).collect())
     }
 }
 

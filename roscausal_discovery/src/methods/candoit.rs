@@ -105,9 +105,7 @@ fn check(data: &DataFrame, settings: &LpcmciSettings, interventions: &[Intervene
     if interventions.is_empty() {
         return fail("there is none; without interventions take lpcmci".to_owned());
     }
-    if settings.tau_max == 0 {
-        return Err(Error::param("tau_max", "0 leaves no past; give at least 1"));
-    }
+    Error::ensure(settings.tau_max > 0, "tau_max", || "0 leaves no past; give at least 1")?;
     if settings.link_assumptions.is_some() || !settings.contexts.is_empty() {
         return Err(Error::param("link_assumptions", "candoit makes them from the interventions; give none"));
     }

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     transfer_entropy::{TeEstimator, TeResult, TransferEntropy},
-    types::{Assumption, CondIndTest, Control, DataFrame, LinkAssumptions, Result},
+    types::{Assumption, CondIndTest, Control, DataFrame, LinkAssumptions, Result, add_new},
 };
 
 with_defaults! {
@@ -147,10 +147,7 @@ impl FpcmciSettings {
             self.pcmci.link_assumptions.iter().flat_map(|g| (0..n_vars).map(move |j| (j, g)))
         {
             for (node, assumption) in given.of_target(effect).filter(|(_, a)| a.exists()) {
-                let link = (node.var, effect, node.lag, assumption);
-                if !links.contains(&link) {
-                    links.push(link);
-                }
+                add_new(&mut links, (node.var, effect, node.lag, assumption));
             }
         }
         Ok(links)

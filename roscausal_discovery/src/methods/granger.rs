@@ -115,9 +115,8 @@ pub fn run_granger(data: &DataFrame, settings: &GrangerSettings, control: &Contr
 
 impl GrangerSettings {
     fn check(&self) -> Result<()> {
-        if self.tau_min == 0 {
-            return Err(Error::param("tau_min", "0: Granger causality knows the past only; give at least 1"));
-        }
+        let reason = "0: Granger causality knows the past only; give at least 1";
+        Error::ensure(self.tau_min > 0, "tau_min", || reason)?;
         Error::check_lags(self.tau_min, self.tau_max)
     }
 
@@ -216,11 +215,10 @@ fn remarks(data: &DataFrame, regression: &Autoregression) -> Vec<String> {
     if vars.is_empty() {
         return Vec::new();
     }
-    let names: Vec<&str> = vars.iter().map(|&var| data.var_names()[var].as_str()).collect();
     vec![format!(
         "{} determine each other, so no regression can tell them apart and none of them is shown as a cause; leave all but one \
          of them out",
-        names.join(", ")
+        data.listed(vars)
     )]
 }
 

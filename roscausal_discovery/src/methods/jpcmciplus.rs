@@ -13,7 +13,7 @@
 //! who walks they are not.
 
 use super::{
-    mci::{corrected, first, mci_conditions},
+    mci::{correct, first, mci_conditions},
     pc_stable::PcStable,
     pcmci::nodes_of,
     pcmciplus::{Level, PcmciPlusSettings},
@@ -24,7 +24,7 @@ use super::{
 };
 use crate::types::{
     Assumption, CondIndTest, Control, DataFrame, Dummy, Error, LinkAssumptions, LinkMark, Node, Result,
-    Samples, same_value,
+    Samples, add_new, same_value,
 };
 
 /// What a variable is, seen over several recordings.
@@ -147,21 +147,16 @@ fn remarks(data: &DataFrame, classes: &[NodeClass]) -> Vec<String> {
 fn check(data: &DataFrame, test: &dyn CondIndTest, settings: &JpcmciPlusSettings) -> Result<Vec<NodeClass>> {
     let fail = |name: &str, reason: String| Err(Error::param(name, reason));
     settings.pcmci.check(data, test)?;
-    if settings.pcmci.pc_alpha.len() != 1 {
-        return fail("pc_alpha", "jpcmciplus takes one level; give one, such as 0.01".to_owned());
-    }
-    if settings.pcmci.tau_min != 0 {
-        let reason = format!("{}: contexts act at lag 0; give 0", settings.pcmci.tau_min);
-        return fail("tau_min", reason);
-    }
+    let reason = "jpcmciplus takes one level; give one, such as 0.01";
+    Error::ensure(settings.pcmci.pc_alpha.len() == 1, "pc_alpha", || reason)?;
+    let lag = settings.pcmci.tau_min;
+    Error::ensure(lag == 0, "tau_min", || format!("{lag}: contexts act at lag 0; give 0"))?;
     let mut classes = settings.classes.clone();
     if classes.is_empty() {
         classes = vec![NodeClass::System; data.n_vars()];
     }
-    if classes.len() != data.n_vars() {
-        let reason = format!("{} classes for {} variables; give one for each", classes.len(), data.n_vars());
-        return fail("classes", reason);
-    }
+    let (given, n) = (classes.len(), data.n_vars());
+    Error::ensure(given == n, "classes", || format!("{given} classes for {n} variables; give one for each"))?;
     for (var, class) in classes.iter().enumerate() {
         let name = &data.var_names()[var];
         if *class == NodeClass::SpaceContext
@@ -443,14 +438,7 @@ impl Search<'_, '_> {
             return Ok(true);
         }
         copy_values(latest, &mut result, |i, j| !self.nodes.is_system(i) || !self.nodes.is_system(j));
-        result.q_matrix = corrected(s.fdr, &self.possible, &result.p_matrix);
-        if let Some(q) = &result.q_matrix {
-            for (at, mark) in result.graph.indexed_iter_mut() {
-                if q[at] > s.pc_alpha[0] {
-                    *mark = LinkMark::Absent;
-                }
-            }
-        }
+        correct(&mut result, s.fdr, &self.possible, s.pc_alpha[0]);
         found.result = result;
         Ok(false)
     }
@@ -471,11 +459,7 @@ impl Search<'_, '_> {
 
 /// Adds what is neither `x` nor there yet.
 fn add(z: &mut Vec<Node>, x: Node, nodes: &[Node]) {
-    for &node in nodes {
-        if node != x && !z.contains(&node) {
-            z.push(node);
-        }
-    }
+    nodes.iter().filter(|node| **node != x).for_each(|&node| add_new(z, node));
 }
 
 /// Copies values and p-values of the pairs that are meant.
@@ -483,9 +467,7 @@ fn copy_values(from: &PcmciResult, to: &mut PcmciResult, is_meant: impl Fn(usize
     for ((i, j, lag), &p) in from.p_matrix.indexed_iter() {
         if is_meant(i, j) {
             let at = [i, j, lag];
-            to.p_matrix[at] = p;
-            to.val_matrix[at] = from.val_matrix[at];
-            to.samples[at] = from.samples[at];
+            to.put(at, from.val_matrix[at], p, from.samples[at]);
         }
     }
 }

@@ -11,7 +11,7 @@ use super::{
     result::PcmciResult,
     run::Run,
 };
-use crate::types::{Assumption, Error, LinkAssumptions, LinkMark, Node, Result, TestResult};
+use crate::types::{Assumption, Error, LinkAssumptions, LinkMark, Node, Result, TestResult, add_new};
 
 /// The conditions under which links are tested.
 #[derive(Clone, Debug)]
@@ -33,12 +33,7 @@ pub(crate) struct Mci<'a> {
 /// lag, that are not yet among them.
 pub(crate) fn mci_conditions(x: Node, of_effect: &[Node], of_cause: &[Node], z: &mut Vec<Node>) {
     z.extend(of_effect.iter().copied().filter(|&node| node != x));
-    for node in of_cause {
-        let node = node.shifted(x.lag);
-        if !z.contains(&node) {
-            z.push(node);
-        }
-    }
+    of_cause.iter().for_each(|node| add_new(z, node.shifted(x.lag)));
 }
 
 /// The first `limit` nodes.
@@ -105,9 +100,7 @@ impl Mci<'_> {
             return;
         }
         for &at in at {
-            result.val_matrix[at] = outcome.value;
-            result.p_matrix[at] = outcome.p_value;
-            result.samples[at] = Some(outcome.samples());
+            result.put(at, outcome.value, outcome.p_value, Some(outcome.samples()));
         }
         if let Some(interval) = outcome.confidence {
             let shape = result.graph.dim();
@@ -141,7 +134,7 @@ impl Mci<'_> {
                         (false, false) => LinkMark::Absent,
                     }
                 } else if result.deciding_p()[at] <= self.alpha_level {
-                    mark_of(assumption)
+                    assumption.mark()
                 } else {
                     LinkMark::Absent
                 };
@@ -151,7 +144,7 @@ impl Mci<'_> {
 }
 
 /// P-values corrected over the lagged links that are assumed possible; `None` without a correction.
-pub(crate) fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64>) -> Option<Array3<f64>> {
+fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64>) -> Option<Array3<f64>> {
     (fdr == Fdr::Bh).then(|| {
         let counted =
             Array3::from_shape_fn(p_matrix.dim(), |(i, j, lag)| lag > 0 && links.get(i, j, lag).is_some());
@@ -159,14 +152,10 @@ pub(crate) fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64
     })
 }
 
-/// The mark of a link that was found under `assumption`.
-pub(crate) fn mark_of(assumption: Assumption) -> LinkMark {
-    match assumption {
-        Assumption::Exists | Assumption::Test => LinkMark::Forward,
-        Assumption::ExistsBackward | Assumption::TestBackward => LinkMark::Backward,
-        Assumption::ExistsUnoriented | Assumption::TestUnoriented => LinkMark::Unoriented,
-        Assumption::ExistsNotBack | Assumption::TestNotBack => LinkMark::CircleHead,
-        Assumption::ExistsNotForward | Assumption::TestNotForward => LinkMark::HeadCircle,
-        Assumption::ExistsHidden | Assumption::TestHidden => LinkMark::Bidirected,
-    }
+/// Corrects the p-values, if that is asked for, and takes out what is then above the level.
+pub(crate) fn correct(result: &mut PcmciResult, fdr: Fdr, links: &LinkAssumptions, level: f64) {
+    result.q_matrix = corrected(fdr, links, &result.p_matrix);
+    let Some(q) = &result.q_matrix else { return };
+    let above = result.graph.indexed_iter_mut().filter(|(at, _)| q[*at] > level);
+    above.for_each(|(_, mark)| *mark = LinkMark::Absent);
 }

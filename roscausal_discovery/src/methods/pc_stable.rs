@@ -124,17 +124,11 @@ impl PcStable<'_> {
             next.sort_by(|a, b| b.val_min.total_cmp(&a.val_min));
             present = next;
         }
-        let candidates = links
-            .iter()
-            .map(|(node, _)| all[node])
-            .map(|c| {
-                if c.val_min.is_finite() {
-                    c
-                } else {
-                    Candidate { val_min: 0.0, value: 0.0, pval_max: 1.0, ..c }
-                }
-            })
-            .collect();
+        let of = |(node, _): &(Node, Assumption)| match all[node] {
+            tested if tested.val_min.is_finite() => tested,
+            untested => Candidate { val_min: 0.0, value: 0.0, pval_max: 1.0, ..untested },
+        };
+        let candidates = links.iter().map(of).collect();
         let parents = present.iter().map(|c| c.node).collect();
         (TargetParents { parents, candidates, optimal_pc_alpha: None }, end)
     }
@@ -149,19 +143,16 @@ impl PcStable<'_> {
         pc_alpha: f64,
         memo: Option<&Memo>,
     ) -> Result<Round> {
-        let mut combination: Vec<usize> = (0..size).collect();
-        let mut z = Vec::with_capacity(size);
+        let others = [&order[..k], &order[k + 1..]].concat();
         let mut new = Vec::new();
-        for _ in 0..self.max_combinations {
-            z.clear();
-            z.extend(combination.iter().map(|&m| order[m + usize::from(m >= k)]));
+        for z in combinations(&others, size).take(self.max_combinations) {
             let known = memo.and_then(|memo| memo.get(&(order[k], z.clone())));
             let raw = match known {
                 Some(&known) => known,
                 None => {
                     let result = run.test(order[k], Node::new(target, 0), &z)?;
                     if memo.is_some() {
-                        new.push(((order[k], z.clone()), result));
+                        new.push(((order[k], z), result));
                     }
                     result
                 }
@@ -177,16 +168,13 @@ impl PcStable<'_> {
             if !dependent {
                 return Ok(Round { candidate, removed: true, new });
             }
-            if !next_combination(&mut combination, order.len() - 1) {
-                break;
-            }
         }
         Ok(Round { candidate, removed: false, new })
     }
 }
 
 /// Advances to the next combination of numbers below `n`, in lexicographic order; false after the last one.
-pub(crate) fn next_combination(combination: &mut [usize], n: usize) -> bool {
+fn next_combination(combination: &mut [usize], n: usize) -> bool {
     let size = combination.len();
     let Some(at) = (0..size).rev().find(|&i| combination[i] < n - size + i) else { return false };
     combination[at] += 1;
@@ -194,6 +182,16 @@ pub(crate) fn next_combination(combination: &mut [usize], n: usize) -> bool {
         combination[i] = combination[i - 1] + 1;
     }
     true
+}
+
+/// All sets of `size` of the nodes, of which there are at least as many, in lexicographic order of their places.
+pub(crate) fn combinations(nodes: &[Node], size: usize) -> impl Iterator<Item = Vec<Node>> {
+    let after = |places: &Vec<usize>| {
+        let mut places = places.clone();
+        next_combination(&mut places, nodes.len()).then_some(places)
+    };
+    let all = std::iter::successors(Some((0..size).collect()), after);
+    all.map(|places| places.iter().map(|&k| nodes[k]).collect())
 }
 
 #[cfg(test)]

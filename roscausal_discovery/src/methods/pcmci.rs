@@ -118,10 +118,9 @@ pub fn run_mci(
 ) -> Result<PcmciResult> {
     let n_vars = data.n_vars();
     let wrong = parents.iter().flatten().find(|n| n.var >= n_vars || n.lag == 0 || n.lag > settings.tau_max);
-    if parents.len() != n_vars || wrong.is_some() {
-        let reason = format!("give {n_vars} lists of variables 0..{n_vars} at lags 1..={}", settings.tau_max);
-        return Err(Error::param("parents", reason));
-    }
+    Error::ensure(parents.len() == n_vars && wrong.is_none(), "parents", || {
+        format!("give {n_vars} lists of variables 0..{n_vars} at lags 1..={}", settings.tau_max)
+    })?;
     with_run(data, test, settings, control, |run, links, result| {
         settings.mci(links, parents).run(run, result)
     })

@@ -2,9 +2,9 @@
 
 use super::{
     extension::dag_parents,
-    mci::{corrected, first, mark_of, mci_conditions},
+    mci::{correct, first, mci_conditions},
     orientation::{Triple, orient_by_rules, orient_colliders, unshielded_triples},
-    pc_stable::{PcStable, next_combination},
+    pc_stable::{PcStable, combinations},
     pcmci::{nodes_of, with_run},
     result::{PcmciResult, TargetParents},
     run::Run,
@@ -152,14 +152,7 @@ impl Level<'_, '_> {
         if self.orient(&skeleton, result)? {
             return Ok(true);
         }
-        result.q_matrix = corrected(self.settings.fdr, self.links, &result.p_matrix);
-        if let Some(q) = &result.q_matrix {
-            for (at, mark) in result.graph.indexed_iter_mut() {
-                if q[at] > self.pc_alpha {
-                    *mark = LinkMark::Absent;
-                }
-            }
-        }
+        correct(result, self.settings.fdr, self.links, self.pc_alpha);
         Ok(false)
     }
 
@@ -184,16 +177,14 @@ impl Level<'_, '_> {
         for (target, found) in parents.iter().enumerate() {
             for candidate in &found.candidates {
                 let at = [candidate.node.var, target, candidate.node.lag];
-                result.val_matrix[at] = candidate.value;
-                result.p_matrix[at] = candidate.pval_max;
-                result.samples[at] = candidate.samples;
+                result.put(at, candidate.value, candidate.pval_max, candidate.samples);
             }
             for (node, assumption) in self.links.of_target(target) {
                 let at = [node.var, target, node.lag];
                 let certain = node.lag == 0 || assumption.exists() || self.plus.reset_lagged_links;
                 let kept = certain || found.parents.contains(&node);
                 if kept {
-                    result.graph[at] = mark_of(assumption);
+                    result.graph[at] = assumption.mark();
                 }
                 if assumption.exists() {
                     result.val_matrix[at] = 1.0;
@@ -265,9 +256,7 @@ impl Level<'_, '_> {
         for neighbours in &mut neighbours {
             neighbours.retain(|node| !ends.contains(node));
             for size in 0..=neighbours.len().min(self.settings.max_conds_dim.unwrap_or(usize::MAX)) {
-                let mut combination: Vec<usize> = (0..size).collect();
-                loop {
-                    let set: Vec<Node> = combination.iter().map(|&m| neighbours[m]).collect();
+                for set in combinations(neighbours, size) {
                     let mut sorted = set.clone();
                     sorted.sort_unstable();
                     if !seen.contains(&sorted) {
@@ -278,9 +267,6 @@ impl Level<'_, '_> {
                             all += 1;
                             with += usize::from(set.contains(&middle));
                         }
-                    }
-                    if !next_combination(&mut combination, neighbours.len()) {
-                        break;
                     }
                 }
             }

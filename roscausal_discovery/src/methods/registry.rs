@@ -4,7 +4,10 @@ use std::{fmt, str::FromStr};
 
 use serde::{Deserialize, Serialize};
 
-use crate::types::{Error, Result};
+use crate::{
+    independence_tests::spelled,
+    types::{Error, Result, text::listed},
+};
 
 use Reads::{
     ActsOn, ExtraConditions, FAlpha, Fdr, MaxConds, MaxSets, NeglectOnlyAutodep, Orientation, PcAlpha,
@@ -279,11 +282,8 @@ impl Method {
 
     /// Names of the methods that read this setting.
     pub fn names_that_read(setting: Reads) -> String {
-        let readers: Vec<&str> = Self::all().filter(|method| method.reads(setting)).map(Self::name).collect();
-        match readers.as_slice() {
-            [others @ .., last] if !others.is_empty() => format!("{} and {last}", others.join(", ")),
-            one => one.concat(),
-        }
+        let readers = Self::all().filter(|method| method.reads(setting)).map(Self::name);
+        listed(&readers.collect::<Vec<_>>())
     }
 
     /// Whether it asks a test for p-values. TiMINo takes the regression of a test, and none of its p-values.
@@ -301,8 +301,7 @@ impl FromStr for Method {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let wanted: String =
-            text.chars().filter(|c| !"_-".contains(*c)).flat_map(char::to_lowercase).collect();
+        let wanted = spelled(text);
         let is_meant = |info: &&MethodInfo| info.name == wanted || info.aliases.contains(&wanted.as_str());
         match METHODS.iter().find(is_meant) {
             Some(info) => Ok(info.method),

@@ -139,6 +139,18 @@ impl PcmciResult {
         }
     }
 
+    /// Writes what a test says of an entry.
+    pub(crate) fn put(&mut self, at: [usize; 3], value: f64, p_value: f64, samples: Option<SampleCount>) {
+        self.val_matrix[at] = value;
+        self.p_matrix[at] = p_value;
+        self.samples[at] = samples;
+    }
+
+    /// Gives an entry what is known of another one.
+    pub(crate) fn copy(&mut self, from: [usize; 3], to: [usize; 3]) {
+        self.put(to, self.val_matrix[from], self.p_matrix[from], self.samples[from]);
+    }
+
     /// All entries from lag `tau_min` on rest on one fit to the rows that are complete.
     pub(crate) fn all_rest_on(&mut self, rows: &CompleteRows, tau_min: usize) {
         let samples = SampleCount { used: rows.len(), lost: rows.n_lost };

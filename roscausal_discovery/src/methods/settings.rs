@@ -46,26 +46,25 @@ pub const PC_ALPHAS: [f64; 6] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5];
 /// Levels from which PCMCI+ chooses by score if none is given.
 pub const PCMCIPLUS_ALPHAS: [f64; 5] = [0.001, 0.005, 0.01, 0.025, 0.05];
 
+/// Refuses a smallest lag above the largest one.
+pub(super) fn check_order(tau_min: usize, tau_max: usize) -> Result<()> {
+    Error::ensure(tau_min <= tau_max, "tau_min", || format!("{tau_min} is larger than tau_max = {tau_max}"))
+}
+
 impl PcmciSettings {
     /// Checks the settings against the data and the test.
     pub(crate) fn check(&self, data: &DataFrame, test: &dyn CondIndTest) -> Result<()> {
-        if self.tau_min > self.tau_max {
-            let reason = format!("{} is larger than tau_max = {}", self.tau_min, self.tau_max);
-            return Err(Error::param("tau_min", reason));
-        }
+        check_order(self.tau_min, self.tau_max)?;
         data.check_length(self.tau_max, self.cut_off())?;
         for (name, value) in
             self.pc_alpha.iter().map(|a| ("pc_alpha", *a)).chain([("alpha", self.alpha_level)])
         {
             let allowed = value > 0.0 && (value < 1.0 || (value == 1.0 && name == "pc_alpha"));
             let threshold = test.decides_by_value() && value > 0.0 && value.is_finite();
-            if !allowed && !threshold {
-                return Err(Error::param(name, format!("{value} is not between 0 and 1")));
-            }
+            Error::ensure(allowed || threshold, name, || format!("{value} is not between 0 and 1"))?;
         }
-        if self.max_combinations == 0 {
-            return Err(Error::param("max_combinations", "0 is not allowed; give 1 or more"));
-        }
+        let reason = "0 is not allowed; give 1 or more";
+        Error::ensure(self.max_combinations > 0, "max_combinations", || reason)?;
         if self.fdr != Fdr::None && test.decides_by_value() {
             return Err(Error::param("fdr", "fixed_thres gives no p-values to correct; choose fdr none"));
         }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::{
-    pc_stable::next_combination,
+    pc_stable::combinations,
     result::{PcmciResult, Sepset},
     run::Run,
 };
@@ -110,9 +110,7 @@ impl Skeleton<'_, '_> {
             if others.len() < size {
                 continue;
             }
-            let mut combination: Vec<usize> = (0..size).collect();
-            loop {
-                let set: Vec<Node> = combination.iter().map(|&m| others[m]).collect();
+            for set in combinations(&others, size) {
                 let z = (self.conditions)(x, j, &set);
                 let (outcome, dependent) =
                     self.run.decide(self.run.test(x, Node::new(j, 0), &z)?, self.level);
@@ -121,9 +119,6 @@ impl Skeleton<'_, '_> {
                 if !dependent {
                     round.separated_by = Some(set);
                     return Ok(round);
-                }
-                if !next_combination(&mut combination, others.len()) {
-                    break;
                 }
             }
         }
@@ -149,9 +144,7 @@ impl Skeleton<'_, '_> {
             let at = [x.var, j, x.lag];
             for test in tests {
                 if test.p_value >= result.p_matrix[at] {
-                    result.p_matrix[at] = test.p_value;
-                    result.val_matrix[at] = test.value;
-                    result.samples[at] = Some(test.samples());
+                    result.put(at, test.value, test.p_value, Some(test.samples()));
                 }
             }
             let weakest = strength.entry((x, j)).or_insert(f64::INFINITY);
@@ -199,8 +192,6 @@ fn symmetrise(result: &mut PcmciResult) {
         let (forward, back) = ([i, j, 0], [j, i, 0]);
         let (from, to) =
             if result.p_matrix[forward] >= result.p_matrix[back] { (forward, back) } else { (back, forward) };
-        result.p_matrix[to] = result.p_matrix[from];
-        result.val_matrix[to] = result.val_matrix[from];
-        result.samples[to] = result.samples[from];
+        result.copy(from, to);
     }
 }

@@ -156,11 +156,10 @@ pub fn run_timino(data: &DataFrame, settings: &TiminoSettings, control: &Control
         ended => ended?,
     }
     if result.links.status == Status::Complete && !result.undecided.is_empty() {
-        let names: Vec<&str> = result.undecided.iter().map(|&var| data.var_names()[var].as_str()).collect();
         result.links.remarks.push(format!(
             "undecided: {}; whichever of them is taken as an effect of the others, what is left of it depends on them: something \
              hidden drives them, they drive each other within a sample, or the model does not fit",
-            names.join(", ")
+            data.listed(result.undecided.iter().copied())
         ));
     }
     Ok(result)
@@ -168,9 +167,7 @@ pub fn run_timino(data: &DataFrame, settings: &TiminoSettings, control: &Control
 
 impl TiminoSettings {
     fn check(&self) -> Result<()> {
-        if self.tau_max == 0 {
-            return Err(Error::param("tau_max", "0 leaves no past; give at least 1"));
-        }
+        Error::ensure(self.tau_max > 0, "tau_max", || "0 leaves no past; give at least 1")?;
         Error::check_lags(self.tau_min, self.tau_max)
     }
 }
@@ -234,11 +231,9 @@ impl Models<'_> {
         if deviation > NOTHING * whole {
             return Ok(rest);
         }
-        let names: Vec<&str> =
-            causes.iter().chain([&effect]).map(|&var| self.data.var_names()[var].as_str()).collect();
         Err(Error::Data(format!(
             "{} determine each other, so they have no causal order; leave all but one of them out",
-            names.join(", ")
+            self.data.listed(causes.iter().copied().chain([effect]))
         )))
     }
 
@@ -304,10 +299,8 @@ impl Models<'_> {
                 match least {
                     Some((&cause, (p, _))) if *p > self.settings.alpha_level => causes.remove(&cause),
                     _ => {
-                        asked
-                            .iter()
-                            .zip(&found)
-                            .for_each(|(&cause, (_, rest))| self.show(result, cause, effect, rest));
+                        let shown = asked.iter().zip(&found);
+                        shown.for_each(|(&cause, (_, rest))| self.show(result, cause, effect, rest));
                         break;
                     }
                 };
@@ -326,9 +319,7 @@ impl Models<'_> {
         for lag in lags {
             let (value, p) = with[self.settings.tau_max + lag];
             let at = [cause, effect, lag];
-            result.links.val_matrix[at] = value;
-            result.links.p_matrix[at] = p;
-            result.links.samples[at] = Some(samples);
+            result.links.put(at, value, p, Some(samples));
             if value > strongest.0 {
                 strongest = (value, lag);
             }
@@ -355,9 +346,7 @@ fn mark(result: &mut TiminoResult, cause: usize, effect: usize, lag: usize) {
     result.links.graph[[cause, effect, lag]] = LinkMark::Forward;
     if lag == 0 {
         result.links.graph[[effect, cause, 0]] = LinkMark::Backward;
-        result.links.val_matrix[[effect, cause, 0]] = result.links.val_matrix[[cause, effect, 0]];
-        result.links.p_matrix[[effect, cause, 0]] = result.links.p_matrix[[cause, effect, 0]];
-        result.links.samples[[effect, cause, 0]] = result.links.samples[[cause, effect, 0]];
+        result.links.copy([cause, effect, 0], [effect, cause, 0]);
     }
 }
 

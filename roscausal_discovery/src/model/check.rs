@@ -5,7 +5,9 @@ use std::collections::{HashMap, HashSet};
 use serde::{Deserialize, Deserializer, de::Error as _};
 use serde_json::{Map, Value};
 
-use super::{Confidence, FoundBy, Link, LinkSize, Model, Outcome, SCHEMA, SCHEMA_1, confidence, is_listed};
+use super::{
+    Confidence, FoundBy, Link, LinkSize, Model, Outcome, SCHEMA, SCHEMA_1, cells, confidence, is_listed,
+};
 use crate::{
     methods::Status,
     profile::DataProfile,
@@ -76,14 +78,8 @@ impl Model {
             return;
         }
         self.schema = SCHEMA.to_owned();
-        let required = |link: &&Link| link.required;
-        let place = |name: &String| self.features.iter().position(|feature| feature == name);
-        let required: HashSet<_> = self
-            .links
-            .iter()
-            .filter(required)
-            .filter_map(|link| Some((place(&link.cause)?, place(&link.effect)?, link.lag)))
-            .collect();
+        let place = |link: &Link| self.places(&link.cause, &link.effect).map(|(i, j)| (i, j, link.lag));
+        let required: HashSet<_> = self.links.iter().filter(|link| link.required).filter_map(place).collect();
         let is_link = |i: usize, j: usize, lag: usize| {
             self.graph.get(i).and_then(|of| of.get(j)?.get(lag)).is_some_and(|mark| mark.is_link())
         };
@@ -168,23 +164,15 @@ impl Model {
 
     /// Numbers are where something was tested, and nowhere else.
     fn tested(&self) -> Checked {
-        for (i, of) in self.outcomes.iter().enumerate() {
-            for (j, outcomes) in of.iter().enumerate() {
-                for (lag, outcome) in outcomes.iter().enumerate() {
-                    let tested = *outcome == Outcome::Tested;
-                    let has = [self.val_matrix[i][j][lag].is_some(), self.p_matrix[i][j][lag].is_some()];
-                    if has != [tested; 2] || (self.n_matrix[i][j][lag].is_some() && !tested) {
-                        let what =
-                            if tested { "tested, and has no number" } else { "not tested, and has a number" };
-                        return Err(format!("{} is {what}", self.name_of(i, j, lag)));
-                    }
-                    if *outcome == Outcome::Ended && self.graph[i][j][lag].is_link() {
-                        return Err(format!(
-                            "{} is a link that the time budget left untested",
-                            self.name_of(i, j, lag)
-                        ));
-                    }
-                }
+        for ([i, j, lag], outcome) in cells(&self.outcomes) {
+            let (tested, name) = (*outcome == Outcome::Tested, || self.name_of(i, j, lag));
+            let has = [self.val_matrix[i][j][lag].is_some(), self.p_matrix[i][j][lag].is_some()];
+            if has != [tested; 2] || (self.n_matrix[i][j][lag].is_some() && !tested) {
+                let what = if tested { "tested, and has no number" } else { "not tested, and has a number" };
+                return Err(format!("{} is {what}", name()));
+            }
+            if *outcome == Outcome::Ended && self.graph[i][j][lag].is_link() {
+                return Err(format!("{} is a link that the time budget left untested", name()));
             }
         }
         Ok(())
@@ -192,30 +180,18 @@ impl Model {
 
     /// The marks of the graph: known, at lag 0 the same from both ends, and no cause after its effect.
     fn marks(&self) -> Checked {
-        for (i, of) in self.graph.iter().enumerate() {
-            for (j, marks) in of.iter().enumerate() {
-                for (lag, mark) in marks.iter().enumerate() {
-                    let Some((left, right)) = mark.ends() else { continue };
-                    let link = || self.name_of(i, j, lag);
-                    if lag < self.tau_min || (lag == 0 && i == j) {
-                        return Err(format!("graph has a link {}, which cannot be", link()));
-                    }
-                    if lag > 0
-                        && (right == LinkEnd::Tail || (left == LinkEnd::Head && right != LinkEnd::Head))
-                    {
-                        return Err(format!(
-                            "graph has {mark} for {}: the effect comes before its cause",
-                            link()
-                        ));
-                    }
-                    if lag == 0 && self.graph[j][i][0] != mark.mirrored() {
-                        let back = quoted(self.graph[j][i][0].symbol());
-                        return Err(format!(
-                            "graph has {mark} for {} and {back} the other way round",
-                            link()
-                        ));
-                    }
-                }
+        for ([i, j, lag], mark) in cells(&self.graph) {
+            let Some((left, right)) = mark.ends() else { continue };
+            let link = || self.name_of(i, j, lag);
+            if lag < self.tau_min || (lag == 0 && i == j) {
+                return Err(format!("graph has a link {}, which cannot be", link()));
+            }
+            if lag > 0 && (right == LinkEnd::Tail || (left == LinkEnd::Head && right != LinkEnd::Head)) {
+                return Err(format!("graph has {mark} for {}: the effect comes before its cause", link()));
+            }
+            if lag == 0 && self.graph[j][i][0] != mark.mirrored() {
+                let back = quoted(self.graph[j][i][0].symbol());
+                return Err(format!("graph has {mark} for {} and {back} the other way round", link()));
             }
         }
         Ok(())
@@ -256,16 +232,15 @@ impl Model {
                 return Err(format!("links[{k}], {}, {what}", name()));
             }
         }
-        for (i, of) in self.graph.iter().enumerate() {
-            for (j, marks) in of.iter().enumerate() {
-                for (lag, &mark) in marks.iter().enumerate() {
-                    if is_listed(mark, lag, i, j) && !listed.contains(&(i, j, lag)) {
-                        return Err(format!("graph has {}, and links has it not", self.name_of(i, j, lag)));
-                    }
-                }
+        let is_missing = |([i, j, lag], mark): &([usize; 3], &LinkMark)| {
+            is_listed(**mark, *lag, *i, *j) && !listed.contains(&(*i, *j, *lag))
+        };
+        match cells(&self.graph).find(is_missing) {
+            Some(([i, j, lag], _)) => {
+                Err(format!("graph has {}, and links has it not", self.name_of(i, j, lag)))
             }
+            None => Ok(()),
         }
-        Ok(())
     }
 
     fn resampled(&self, of: &Confidence) -> Checked {

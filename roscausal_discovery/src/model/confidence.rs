@@ -54,7 +54,7 @@ pub struct Confidence {
 }
 
 /// How many samples a link would need to be found in four of five recordings, if it is real.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Advice {
     /// Name of the cause.
     pub cause: String,

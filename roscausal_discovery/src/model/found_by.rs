@@ -51,6 +51,12 @@ impl From<Method> for FoundBy {
     }
 }
 
+impl Default for FoundBy {
+    fn default() -> Self {
+        Self::Method(Method::default())
+    }
+}
+
 impl From<&str> for FoundBy {
     fn from(name: &str) -> Self {
         name.parse().map_or_else(|_| Self::Program(name.to_owned()), Self::Method)

@@ -33,7 +33,7 @@ pub const SCHEMA_1: &str = "roscausal/model/1";
 /// message (`causal_structure`, `val`, `pval`) are `[lag - tau_min][effect][cause]`, with 0 where there is no link.
 ///
 /// Reading one checks it ([`Model::check`]): no text becomes a model whose parts do not fit together.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Model {
     /// [`SCHEMA`].
     pub schema: String,
@@ -272,12 +272,34 @@ impl Matrices {
         let tested = |[i, j, lag]: [usize; 3]| outcomes[i][j][lag] == Outcome::Tested;
         nested(&vars, n_lags, |at| tested(at).then(|| matrix[at[0]][at[1]][at[2]]))
     }
+
+    /// A matrix of the message, `[lag][effect][cause]`: 0 where the effect has no link from the cause.
+    fn by_lag<T: Default>(
+        &self,
+        n: usize,
+        lags: std::ops::RangeInclusive<usize>,
+        pick: impl Fn([usize; 3]) -> T,
+    ) -> Vec<Vec<Vec<T>>> {
+        let entry = |lag: usize, effect: usize, cause: usize| {
+            let mark = self.graph[cause][effect].get(lag).copied().unwrap_or_default();
+            if points_to_effect(mark) { pick([cause, effect, lag]) } else { T::default() }
+        };
+        let row = |lag, effect| (0..n).map(|cause| entry(lag, effect, cause)).collect();
+        lags.map(|lag| (0..n).map(|effect| row(lag, effect)).collect()).collect()
+    }
 }
 
 /// A matrix in this layout, of some of the variables.
 pub(crate) fn nested<T>(vars: &[usize], n_lags: usize, at: impl Fn([usize; 3]) -> T) -> Vec<Vec<Vec<T>>> {
     let lags = |i, j| (0..n_lags).map(|lag| at([i, j, lag])).collect();
     vars.iter().map(|&i| vars.iter().map(|&j| lags(i, j)).collect()).collect()
+}
+
+/// The entries of such a matrix with their places: cause, effect and lag.
+pub(crate) fn cells<T>(matrix: &[Vec<Vec<T>>]) -> impl Iterator<Item = ([usize; 3], &T)> {
+    let rows = matrix.iter().enumerate();
+    let pairs = rows.flat_map(|(i, of)| of.iter().enumerate().map(move |(j, lags)| (i, j, lags)));
+    pairs.flat_map(|(i, j, lags)| lags.iter().enumerate().map(move |(lag, entry)| ([i, j, lag], entry)))
 }
 
 impl Model {
@@ -292,6 +314,12 @@ impl Model {
     /// The level that decided on the links: `pc_alpha` where the method has no other; `None` if a score chose it for each variable.
     pub fn link_level(&self) -> Option<f64> {
         if self.method.decides_by_pc_alpha() { self.pc_alpha } else { Some(self.alpha) }
+    }
+
+    /// Where a cause and an effect stand among its features.
+    pub(crate) fn places(&self, cause: &str, effect: &str) -> Option<(usize, usize)> {
+        let place = |name: &str| self.features.iter().position(|feature| feature == name);
+        Some((place(cause)?, place(effect)?))
     }
 
     /// The name of [`Model::link_level`], and the level as text.
@@ -309,56 +337,29 @@ impl Model {
             let tested = outcomes[i][j][lag] == Outcome::Tested;
             matrices.samples.get(i).and_then(|to| to[j][lag]).filter(|_| tested)
         };
-        let links_at = |lag: usize| {
-            let mark = &matrices.graph;
-            move |effect: usize, cause: usize| {
-                mark[cause][effect].get(lag).is_some_and(|mark| points_to_effect(*mark))
-            }
-        };
-        let by_lag = |pick: &dyn Fn(usize, usize, usize) -> f64| -> Vec<Vec<Vec<f64>>> {
-            let row = |lag: usize, effect: usize| {
-                (0..n)
-                    .map(|cause| if links_at(lag)(effect, cause) { pick(cause, effect, lag) } else { 0.0 })
-                    .collect()
-            };
-            (self.tau_min..=self.tau_max).map(|lag| (0..n).map(|effect| row(lag, effect)).collect()).collect()
-        };
-        self.val = by_lag(&|i, j, lag| matrices.val_matrix[i][j][lag]);
-        self.pval = by_lag(&|i, j, lag| matrices.p_matrix[i][j][lag]);
-        let ones = by_lag(&|_, _, _| 1.0);
-        self.causal_structure = ones
-            .into_iter()
-            .map(|lag| lag.into_iter().map(|row| row.into_iter().map(|v| v as i32).collect()).collect())
-            .collect();
+        let lags = || self.tau_min..=self.tau_max;
+        self.val = matrices.by_lag(n, lags(), |[i, j, lag]| matrices.val_matrix[i][j][lag]);
+        self.pval = matrices.by_lag(n, lags(), |[i, j, lag]| matrices.p_matrix[i][j][lag]);
+        self.causal_structure = matrices.by_lag(n, lags(), |_| 1);
         self.links = Vec::new();
-        for (i, cause) in features.iter().enumerate() {
-            for (j, effect) in features.iter().enumerate() {
-                for (lag, &mark) in matrices.graph[i][j].iter().enumerate() {
-                    if !is_listed(mark, lag, i, j) {
-                        continue;
-                    }
-                    let tested = outcomes[i][j][lag] == Outcome::Tested;
-                    let samples = samples(i, j, lag);
-                    self.links.push(Link {
-                        cause: cause.clone(),
-                        effect: effect.clone(),
-                        lag,
-                        value: tested.then(|| matrices.val_matrix[i][j][lag]),
-                        p_value: tested.then(|| matrices.p_matrix[i][j][lag]),
-                        n_used: samples.map(|samples| samples.used),
-                        mark,
-                        n_lost: samples.map_or(0, |samples| samples.lost),
-                        confidence: None,
-                        chance: None,
-                        value_low: None,
-                        value_high: None,
-                        size: None,
-                        since: None,
-                        seen: None,
-                        required: outcomes[i][j][lag] == Outcome::Required,
-                    });
-                }
+        for ([i, j, lag], &mark) in cells(&matrices.graph) {
+            if !is_listed(mark, lag, i, j) {
+                continue;
             }
+            let tested = outcomes[i][j][lag] == Outcome::Tested;
+            let samples = samples(i, j, lag);
+            self.links.push(Link {
+                cause: features[i].clone(),
+                effect: features[j].clone(),
+                lag,
+                value: tested.then(|| matrices.val_matrix[i][j][lag]),
+                p_value: tested.then(|| matrices.p_matrix[i][j][lag]),
+                n_used: samples.map(|samples| samples.used),
+                mark,
+                n_lost: samples.map_or(0, |samples| samples.lost),
+                required: outcomes[i][j][lag] == Outcome::Required,
+                ..Link::default()
+            });
         }
         let vars: Vec<usize> = (0..n).collect();
         self.n_matrix =
@@ -375,15 +376,16 @@ impl Model {
     pub fn outcome_counts(&self) -> Vec<(Outcome, usize)> {
         let mut counts: Vec<(Outcome, usize)> =
             Outcome::ALL.into_iter().map(|outcome| (outcome, 0)).collect();
-        for (i, of) in self.outcomes.iter().enumerate() {
-            for (j, outcomes) in of.iter().enumerate() {
-                for (_, outcome) in outcomes.iter().enumerate().filter(|(lag, _)| *lag > 0 || i < j) {
-                    counts.iter_mut().filter(|(of, _)| of == outcome).for_each(|(_, count)| *count += 1);
-                }
-            }
+        for (_, outcome) in cells(&self.outcomes).filter(|([i, j, lag], _)| *lag > 0 || i < j) {
+            counts.iter_mut().filter(|(of, _)| of == outcome).for_each(|(_, count)| *count += 1);
         }
         counts.retain(|(outcome, count)| *count > 0 && *outcome != Outcome::NotAsked);
         counts
+    }
+
+    /// How many of them have this outcome.
+    fn count_of(&self, outcome: Outcome) -> usize {
+        self.outcome_counts().iter().find(|(of, _)| *of == outcome).map_or(0, |(_, count)| *count)
     }
 
     /// The fewest and the most samples that a test used; `None` if none was made, or this is not known.
@@ -461,12 +463,10 @@ pub(crate) fn example() -> Model {
     let numbers = |v: f64| vec![vec![vec![0.0, v]; 3]; 3];
     let model = Model {
         schema: SCHEMA.into(),
-        status: Status::Complete,
         method: "pcmci".into(),
         cond_ind_test: "gpdc".into(),
         alpha: 0.05,
         pc_alpha: Some(0.2),
-        f_alpha: None,
         fdr: "none".into(),
         tau_min: 1,
         tau_max: 1,
@@ -474,22 +474,8 @@ pub(crate) fn example() -> Model {
         n_samples: 498,
         n_recordings: 1,
         seed: 1,
-        settings: Map::new(),
         run_time_s: Some(0.1),
-        features: vec![],
-        dropped: vec![],
-        links: vec![],
-        graph: vec![],
-        outcomes: vec![],
-        val_matrix: vec![],
-        p_matrix: vec![],
-        n_matrix: vec![],
-        causal_structure: vec![],
-        val: vec![],
-        pval: vec![],
-        warnings: vec![],
-        about_data: None,
-        confidence: None,
+        ..Model::default()
     };
     let names = ["h_v", "h_dg", "h_risk"].map(str::to_owned).to_vec();
     model.with_matrices(

@@ -27,16 +27,10 @@ pub enum Outcome {
 
 impl Outcome {
     /// All of them.
-    pub const ALL: [Self; 8] = [
-        Self::Tested,
-        Self::NotAsked,
-        Self::Required,
-        Self::Forbidden,
-        Self::Filtered,
-        Self::NoAnswer,
-        Self::Ended,
-        Self::Unknown,
-    ];
+    pub const ALL: [Self; 8] = {
+        use Outcome::*;
+        [Tested, NotAsked, Required, Forbidden, Filtered, NoAnswer, Ended, Unknown]
+    };
 
     /// Why there is no test: `not tested: ...`; `None` if there is one.
     pub fn why_not(self) -> Option<&'static str> {

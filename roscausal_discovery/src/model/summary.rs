@@ -14,11 +14,11 @@
 use ndarray::Array3;
 use serde::Serialize;
 
-use super::{Advice, Link, Model, Outcome, word_of};
+use super::{Advice, Link, Model, Outcome, cells, word_of};
 use crate::{
     later::Later,
     methods::{Method, MethodInfo, Reads, Status, fdr_bh},
-    types::{LinkMark, Named, names::plain, spelled_out},
+    types::{LinkMark, Named, add_new, names::plain, spelled_out, text::listed},
     unsteady::Unsteady,
 };
 
@@ -147,7 +147,7 @@ impl Model {
             }
             n => format!(" from {n} recordings"),
         };
-        let tested = self.outcome_counts().iter().any(|(outcome, _)| *outcome == Outcome::Tested);
+        let tested = self.count_of(Outcome::Tested) > 0;
         let samples = match self.samples_used() {
             Some((fewest, most)) if fewest == most => most.to_string(),
             Some((fewest, most)) => format!("{fewest} to {most}"),
@@ -185,14 +185,6 @@ fn count(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
-/// `a, b and c`.
-fn listed(parts: &[String]) -> String {
-    match parts {
-        [before @ .., last] if !before.is_empty() => format!("{} and {last}", before.join(", ")),
-        _ => parts.concat(),
-    }
-}
-
 /// Whether the method finds dependence, of which nothing is claimed.
 fn only_dependence(model: &Model) -> bool {
     model.method.method() == Some(Method::Lagdep)
@@ -214,20 +206,9 @@ impl<'a> Facts<'a> {
     fn of(model: &'a Model) -> Self {
         let level = model.link_level().unwrap_or(model.alpha);
         let info = model.method.method().map(Method::info);
-        let mut p_values = Vec::new();
-        for (i, of) in model.p_matrix.iter().enumerate() {
-            for (j, at) in of.iter().enumerate().filter(|(j, _)| *j != i) {
-                p_values.extend(
-                    at.iter().enumerate().filter(|(lag, _)| *lag > 0 || i < j).filter_map(|(_, p)| *p),
-                );
-            }
-        }
-        let filtered: usize = model
-            .outcome_counts()
-            .iter()
-            .filter(|(outcome, _)| *outcome == Outcome::Filtered)
-            .map(|(_, n)| n)
-            .sum();
+        let between = |([i, j, lag], _): &([usize; 3], _)| i != j && (*lag > 0 || i < j);
+        let mut p_values: Vec<f64> = cells(&model.p_matrix).filter(between).filter_map(|(_, p)| *p).collect();
+        let filtered = model.count_of(Outcome::Filtered);
         let (n, dropped) = (model.features.len(), model.dropped.len());
         let pairs = |n: usize| {
             n * n.saturating_sub(1) * (model.tau_max + 1 - model.tau_min.max(1).min(model.tau_max))
@@ -282,10 +263,7 @@ impl<'a> Facts<'a> {
     fn own_past(&self) -> Vec<String> {
         let mut names: Vec<String> = Vec::new();
         for link in self.model.links.iter().filter(|link| link.cause == link.effect) {
-            let name = plain(&link.cause);
-            if !names.contains(&name) {
-                names.push(name);
-            }
+            add_new(&mut names, plain(&link.cause));
         }
         names
     }
@@ -421,10 +399,8 @@ impl<'a> Facts<'a> {
     /// That there is no link, as far as anything was tested.
     fn nothing_found(&self) -> String {
         let model = self.model;
-        let counts = model.outcome_counts();
-        let all: usize = counts.iter().map(|(_, count)| count).sum();
-        let tested: usize =
-            counts.iter().filter(|(outcome, _)| *outcome == Outcome::Tested).map(|(_, count)| count).sum();
+        let all: usize = model.outcome_counts().iter().map(|(_, count)| count).sum();
+        let tested = model.count_of(Outcome::Tested);
         let is_later = model.about_data.as_ref().is_some_and(|profile| !profile.later.is_empty());
         match tested {
             _ if is_later && model.tau_min == model.tau_max => {
@@ -572,11 +548,7 @@ impl<'a> Facts<'a> {
             let names: Vec<String> = model.dropped.iter().map(|name| plain(name)).collect();
             notes.push(format!("left out, without a link to another variable: {}", names.join(", ")));
         }
-        for warning in &model.warnings {
-            if !notes.contains(warning) {
-                notes.push(warning.clone());
-            }
-        }
+        model.warnings.iter().for_each(|warning| add_new(&mut notes, warning.clone()));
         notes
     }
 }

@@ -25,7 +25,11 @@ fn regularized(a: f64, b: f64, x: f64, y: f64) -> f64 {
     // The larger of the two is known to more digits by the smaller one.
     let ln_x = if y < 0.5 { (-y).ln_1p() } else { x.ln() };
     let ln_y = if x < 0.5 { (-x).ln_1p() } else { y.ln() };
-    let front = (a * ln_x + b * ln_y - ln_beta).exp();
+    of_front((a * ln_x + b * ln_y - ln_beta).exp(), [a, b], [x, y])
+}
+
+/// `I_x(a, b)` from its factor `front` = `x^a y^b / B(a, b)`, by the fraction that ends sooner.
+pub(super) fn of_front(front: f64, [a, b]: [f64; 2], [x, y]: [f64; 2]) -> f64 {
     let p = if x < (a + 1.0) / (a + b + 2.0) {
         front * continued_fraction(a, b, x) / a
     } else {
@@ -37,7 +41,7 @@ fn regularized(a: f64, b: f64, x: f64, y: f64) -> f64 {
 /// Continued fraction of the incomplete beta function (Abramowitz and Stegun 26.5.8), by Wallis's recurrence for its numerators and
 /// denominators, scaled after each pair of terms so that the denominator is 1: one division waits for another, where Lentz's
 /// method has two.
-pub(crate) fn continued_fraction(a: f64, b: f64, x: f64) -> f64 {
+fn continued_fraction(a: f64, b: f64, x: f64) -> f64 {
     const TINY: f64 = 1e-300;
     let away_from_zero = |v: f64| if v.abs() < TINY { TINY } else { v };
     let first = 1.0 / away_from_zero(1.0 - (a + b) * x / (a + 1.0));

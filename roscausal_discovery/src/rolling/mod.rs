@@ -88,14 +88,10 @@ impl Windows {
             return Err(Error::param("window", reason));
         }
         let longest = data.recordings().iter().map(|r| r.nrows()).max().unwrap_or(0);
-        if self.starts(longest).is_empty() {
-            let reason = format!(
-                "{} rows leave no window in {longest} rows; give a shorter window or record longer",
-                self.length
-            );
-            return Err(Error::param("window", reason));
-        }
-        Ok(())
+        Error::ensure(!self.starts(longest).is_empty(), "window", || {
+            let length = self.length;
+            format!("{length} rows leave no window in {longest} rows; give a shorter window or record longer")
+        })
     }
 }
 

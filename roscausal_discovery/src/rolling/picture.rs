@@ -4,7 +4,7 @@ use super::counts::{LinkCount, link_counts};
 use crate::{
     changes::{ChangeEvent, Status},
     draw::{Strip, StripPoint, Strips, strips},
-    model::Model,
+    model::{Link, Model},
     types::names::plain,
 };
 
@@ -58,13 +58,10 @@ fn regimes(confirmed: &[&(f64, &ChangeEvent)]) -> Vec<(f64, String)> {
 
 /// The strength of a link in a model that tested it.
 fn point(model: &Model, time: f64, of: &LinkCount) -> Option<StripPoint> {
-    let place = |name: &str| model.features.iter().position(|feature| feature == name);
-    let (i, j) = (place(&of.cause)?, place(&of.effect)?);
+    let (i, j) = model.places(&of.cause, &of.effect)?;
     let value = (*model.val_matrix.get(i)?.get(j)?.get(of.lag)?)?;
     let interval = model.confidence.as_ref().map(|c| (c.val_low[i][j][of.lag], c.val_high[i][j][of.lag]));
-    let found = model
-        .links
-        .iter()
-        .any(|link| link.cause == of.cause && link.effect == of.effect && link.lag == of.lag);
+    let is_it = |link: &Link| link.cause == of.cause && link.effect == of.effect && link.lag == of.lag;
+    let found = model.links.iter().any(is_it);
     Some(StripPoint { time, value, interval, found })
 }

@@ -1,11 +1,9 @@
 //! What may be asked for without knowing the data, and the model that it begins.
 
-use serde_json::Map;
-
 use super::{PcAlpha, Request, Settings};
 use crate::{
     independence_tests::Significance,
-    methods::{Method, Reads, Status, TiminoModel},
+    methods::{Method, Reads, TiminoModel},
     model::{self, Model},
     types::{Dummy, Error, Named, Result},
 };
@@ -54,10 +52,8 @@ impl Settings {
             }
             Method::Jpcmciplus => {
                 self.check_lag_zero("contexts act at lag 0")?;
-                if self.pc_alpha == PcAlpha::ByScore {
-                    let reason = "jpcmciplus has no score that chooses a level; give one, such as 0.01";
-                    return Err(Error::param("pc_alpha", reason));
-                }
+                let reason = "jpcmciplus has no score that chooses a level; give one, such as 0.01";
+                Error::ensure(self.pc_alpha != PcAlpha::ByScore, "pc_alpha", || reason)?;
             }
             _ => {}
         }
@@ -67,12 +63,9 @@ impl Settings {
                 format!("0: {what}{} knows the past only; give 1, or use {}", self.method, Method::Pcmciplus);
             return Err(Error::param("tau_min", reason));
         }
-        if self.tau_min > 0 && info.models_lag_zero {
-            let reason =
-                format!("{}: {} models lag 0 too; give 0, or leave it out", self.tau_min, self.method);
-            return Err(Error::param("tau_min", reason));
-        }
-        Ok(())
+        Error::ensure(self.tau_min == 0 || !info.models_lag_zero, "tau_min", || {
+            format!("{}: {} models lag 0 too; give 0, or leave it out", self.tau_min, self.method)
+        })
     }
 
     /// Refuses null distributions with a significance that takes none, and fewer surrogates than the level needs: with `n` of them no
@@ -103,30 +96,24 @@ impl Settings {
     }
 
     fn check_lag_zero(&self, why: &str) -> Result<()> {
-        if self.tau_min == 0 {
-            return Ok(());
-        }
-        Err(Error::param("tau_min", format!("{}: {why}; give 0, or leave it out", self.tau_min)))
+        let lag = self.tau_min;
+        Error::ensure(lag == 0, "tau_min", || format!("{lag}: {why}; give 0, or leave it out"))
     }
 
     /// LPCMCI and tsFCI have one level, and work on data without time, too.
     fn check_lpcmci(&self) -> Result<()> {
-        if self.pc_alpha == PcAlpha::ByScore {
-            let reason = format!("{} has no score that chooses a level; give one, such as 0.05", self.method);
-            return Err(Error::param("pc_alpha", reason));
-        }
+        Error::ensure(self.pc_alpha != PcAlpha::ByScore, "pc_alpha", || {
+            format!("{} has no score that chooses a level; give one, such as 0.05", self.method)
+        })?;
         // A link that is never tested looks certain.
-        if self.max_sets == Some(0) {
-            return Err(Error::param("max_sets", "0 tests nothing; give at least 1, or leave it out"));
-        }
-        Ok(())
+        let reason = "0 tests nothing; give at least 1, or leave it out";
+        Error::ensure(self.max_sets != Some(0), "max_sets", || reason)
     }
 
     /// A model that holds the settings and no result yet.
     pub fn blank_model(&self) -> Model {
         let mut model = Model {
             schema: model::SCHEMA.to_owned(),
-            status: Status::Complete,
             method: self.method.into(),
             cond_ind_test: if self.method.info().uses_test {
                 self.cond_ind_test.clone()
@@ -139,26 +126,9 @@ impl Settings {
             fdr: self.fdr.name().to_owned(),
             tau_min: self.tau_min,
             tau_max: self.tau_max,
-            dt: None,
-            n_samples: 0,
             n_recordings: 1,
             seed: self.seed,
-            settings: Map::new(),
-            run_time_s: None,
-            features: Vec::new(),
-            dropped: Vec::new(),
-            links: Vec::new(),
-            graph: Vec::new(),
-            outcomes: Vec::new(),
-            val_matrix: Vec::new(),
-            p_matrix: Vec::new(),
-            n_matrix: Vec::new(),
-            causal_structure: Vec::new(),
-            val: Vec::new(),
-            pval: Vec::new(),
-            warnings: Vec::new(),
-            about_data: None,
-            confidence: None,
+            ..Model::default()
         };
         model.settings = Request { settings: self.clone(), ..Request::default() }.beyond(&model);
         model
@@ -166,8 +136,7 @@ impl Settings {
 }
 
 fn level(name: &str, value: f64) -> Result<()> {
-    if value > 0.0 && value < 1.0 {
-        return Ok(());
-    }
-    Err(Error::param(name, format!("{value} is not a level; give a number between 0 and 1, such as 0.05")))
+    Error::ensure(value > 0.0 && value < 1.0, name, || {
+        format!("{value} is not a level; give a number between 0 and 1, such as 0.05")
+    })
 }

@@ -23,7 +23,7 @@ pub use typed::{Levels, PcAlpha, Settings};
 use crate::{
     independence_tests::{self, Significance, spelled},
     methods::{Method, MethodInfo, Reads},
-    types::{Error, Named, Result},
+    types::{Error, Named, Result, text::listed},
 };
 
 /// One setting, for all surfaces.
@@ -126,15 +126,6 @@ pub fn setting(name: &str) -> Option<&'static Setting> {
     spelled.iter().find_map(|spell| SETTINGS.iter().find(|setting| spell(setting) == name))
 }
 
-/// `a, b and c`.
-fn listed(words: impl Iterator<Item = &'static str>) -> String {
-    let words: Vec<&str> = words.collect();
-    match words.as_slice() {
-        [others @ .., last] if !others.is_empty() => format!("{} and {last}", others.join(", ")),
-        one => one.concat(),
-    }
-}
-
 /// Whether two texts are the same word or number: 0.0 is 0.
 fn is_same(one: &str, other: &str) -> bool {
     match (one.parse::<f64>(), other.parse::<f64>()) {
@@ -217,14 +208,15 @@ impl Setting {
             Readers::All => "all methods".to_owned(),
             Readers::Named(what, _) => Method::names_that_read(what),
             Readers::Methods { read, .. } => {
-                listed(Method::all().filter(|method| read(method.info())).map(Method::name))
+                let reading = Method::all().filter(|method| read(method.info())).map(Method::name);
+                listed(&reading.collect::<Vec<_>>())
             }
             Readers::Tests { test, .. } => {
                 let reading: Vec<_> = independence_tests::names().filter(|name| test(name, None)).collect();
                 let word = if reading.len() == 1 { "test" } else { "tests" };
                 match reading.len() {
                     n if n == independence_tests::names().count() => "all tests".to_owned(),
-                    _ => format!("the {word} {}", listed(reading.into_iter())),
+                    _ => format!("the {word} {}", listed(&reading)),
                 }
             }
         }

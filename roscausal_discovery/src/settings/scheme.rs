@@ -84,21 +84,14 @@ impl Resampling {
     /// # Errors
     /// The first invalid one: its name, its value, and what is allowed.
     pub fn check(&self) -> Result<()> {
-        if !(FEWEST_RESAMPLES..=MOST_RESAMPLES).contains(&self.resamples) {
-            let reason = format!(
-                "{} is not from {FEWEST_RESAMPLES} to {MOST_RESAMPLES}; 100 tell a share to 0.1",
-                self.resamples
-            );
-            return Err(Error::param("resamples", reason));
-        }
-        if !(self.share > 0.0 && self.share < 1.0) {
-            let reason = format!("{} is not between 0 and 1; 0.632 is usual", self.share);
-            return Err(Error::param("share", reason));
-        }
-        if self.block == Block::Rows(0) {
-            return Err(Error::param("block", "0 rows make no block; give 1 or more"));
-        }
-        Ok(())
+        let Self { resamples, share, block, .. } = *self;
+        Error::ensure((FEWEST_RESAMPLES..=MOST_RESAMPLES).contains(&resamples), "resamples", || {
+            format!("{resamples} is not from {FEWEST_RESAMPLES} to {MOST_RESAMPLES}; 100 tell a share to 0.1")
+        })?;
+        Error::ensure(share > 0.0 && share < 1.0, "share", || {
+            format!("{share} is not between 0 and 1; 0.632 is usual")
+        })?;
+        Error::ensure(block != Block::Rows(0), "block", || "0 rows make no block; give 1 or more")
     }
 
     /// How much wider the error of all rows is than the spread of its resamples. A subsample shares its rows with the whole, so its spread

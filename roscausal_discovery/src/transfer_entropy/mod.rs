@@ -105,18 +105,15 @@ impl TransferEntropy {
     }
 
     fn check(&self) -> Result<()> {
-        if self.min_lag == 0 || self.min_lag > self.max_lag {
-            return Err(Error::param(
-                "min_lag",
-                format!("{} must be at least 1 and at most max_lag = {}", self.min_lag, self.max_lag),
-            ));
-        }
-        if !(self.alpha > 0.0 && self.alpha < 1.0) {
-            let reason = format!("{} is not inside (0, 1); 0.05 is usual", self.alpha);
-            return Err(Error::param("f_alpha", reason));
-        }
-        if self.estimator == TeEstimator::Kraskov && self.alpha <= kraskov::SMALLEST_P {
-            let (alpha, smallest) = (self.alpha, kraskov::SMALLEST_P);
+        let Self { min_lag, max_lag, alpha, .. } = *self;
+        Error::ensure(min_lag > 0 && min_lag <= max_lag, "min_lag", || {
+            format!("{min_lag} must be at least 1 and at most max_lag = {max_lag}")
+        })?;
+        Error::ensure(alpha > 0.0 && alpha < 1.0, "f_alpha", || {
+            format!("{alpha} is not inside (0, 1); 0.05 is usual")
+        })?;
+        let smallest = kraskov::SMALLEST_P;
+        if self.estimator == TeEstimator::Kraskov && alpha <= smallest {
             let reason = format!(
                 "{alpha} is below {smallest:.4}, the smallest p-value of the kraskov estimator's surrogates; raise it or \
                  use gaussian"

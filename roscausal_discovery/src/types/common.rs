@@ -12,6 +12,20 @@ pub fn same_value((a, b): (&f64, &f64)) -> bool {
     a == b || (a.is_nan() && b.is_nan())
 }
 
+/// In order, each once.
+pub(crate) fn unique<T: Ord>(mut all: Vec<T>) -> Vec<T> {
+    all.sort_unstable();
+    all.dedup();
+    all
+}
+
+/// Adds what is not yet there.
+pub(crate) fn add_new<T: PartialEq>(all: &mut Vec<T>, one: T) {
+    if !all.contains(&one) {
+        all.push(one);
+    }
+}
+
 /// Which columns are common, and to which recordings.
 #[derive(Clone, Debug)]
 pub(super) struct Common {

@@ -33,6 +33,10 @@ pub struct SampleCount {
 }
 
 impl TestResult {
+    /// A result without an interval, decided by its p-value.
+    pub(crate) fn new(value: f64, p_value: f64, n_samples: usize, n_lost: usize) -> Self {
+        Self { value, p_value, confidence: None, n_samples, n_lost, dependent: None }
+    }
     /// Its samples.
     pub fn samples(&self) -> SampleCount {
         SampleCount { used: self.n_samples, lost: self.n_lost }

@@ -86,17 +86,13 @@ impl DataFrame {
     /// # Errors
     /// No recording, no variable, shapes that do not match, or an infinite value.
     pub fn new(recordings: Vec<Array2<f64>>, var_names: Vec<String>) -> Result<Self> {
-        if recordings.is_empty() || var_names.is_empty() {
-            let reason = "no data: give at least one recording with at least one variable";
-            return Err(Error::Data(reason.into()));
-        }
+        let reason = "no data: give at least one recording with at least one variable";
+        Error::ensure_data(!recordings.is_empty() && !var_names.is_empty(), || reason)?;
         for (i, recording) in recordings.iter().enumerate() {
-            if recording.ncols() != var_names.len() {
-                let (columns, names) = (recording.ncols(), var_names.len());
-                return Err(Error::Data(format!(
-                    "recording {i} has {columns} columns for {names} variable names"
-                )));
-            }
+            let (columns, names) = (recording.ncols(), var_names.len());
+            Error::ensure_data(columns == names, || {
+                format!("recording {i} has {columns} columns for {names} variable names")
+            })?;
             if let Some(((row, col), value)) = recording.indexed_iter().find(|(_, v)| v.is_infinite()) {
                 return Err(Error::Data(format!(
                     "'{}' is {value} at row {row} of recording {i}; remove the row or leave the cell empty",
@@ -126,10 +122,8 @@ impl DataFrame {
     /// # Errors
     /// A number of sources that is not that of the recordings.
     pub fn of_sources(self, sources: &[usize]) -> Result<Self> {
-        if sources.len() != self.recordings.len() {
-            let reason = format!("{} numbers for {} recordings", sources.len(), self.recordings.len());
-            return Err(Error::param("sources", reason));
-        }
+        let (given, n) = (sources.len(), self.recordings.len());
+        Error::ensure(given == n, "sources", || format!("{given} numbers for {n} recordings"))?;
         Ok(Self { common: Common::of(&self.recordings, sources), ..self })
     }
 
@@ -169,11 +163,10 @@ impl DataFrame {
     /// # Errors
     /// A number of lists that is not that of the recordings, or a time beyond the end of its recording.
     pub fn at_times(&self, times: Vec<Vec<usize>>) -> Result<Self> {
-        if times.len() != self.recordings.len() {
-            let (n, wanted) = (times.len(), self.recordings.len());
-            let reason = format!("{n} lists for {wanted} recordings; give one for each");
-            return Err(Error::param("times", reason));
-        }
+        let (n, wanted) = (times.len(), self.recordings.len());
+        Error::ensure(n == wanted, "times", || {
+            format!("{n} lists for {wanted} recordings; give one for each")
+        })?;
         for (k, (list, recording)) in times.iter().zip(self.recordings.iter()).enumerate() {
             if let Some(t) = list.iter().find(|&&t| t >= recording.nrows()) {
                 let reason = format!("{t} is beyond the {} rows of recording {k}", recording.nrows());
@@ -215,9 +208,7 @@ impl DataFrame {
                 .iter()
                 .zip(self.recordings.iter())
                 .all(|(mask, recording)| mask.dim() == recording.dim());
-        if !fits {
-            return Err(Error::param("mask", "give one mask per recording, each of the recording's shape"));
-        }
+        Error::ensure(fits, "mask", || "give one mask per recording, each of the recording's shape")?;
         self.masks = Some(Arc::new(masks));
         self.mask_type = mask_type;
         Ok(self)
@@ -238,9 +229,7 @@ impl DataFrame {
     pub fn with_reference_points(mut self, points: Vec<Vec<bool>>) -> Result<Self> {
         let fits = points.len() == self.recordings.len()
             && points.iter().zip(self.recordings.iter()).all(|(of, recording)| of.len() == recording.nrows());
-        if !fits {
-            return Err(Error::param("reference_points", "give one list per recording, each of its length"));
-        }
+        Error::ensure(fits, "reference_points", || "give one list per recording, each of its length")?;
         self.reference_points = Some(points);
         Ok(self)
     }
@@ -356,6 +345,22 @@ impl DataFrame {
     /// Number of variables.
     pub fn n_vars(&self) -> usize {
         self.var_names.len()
+    }
+
+    /// The names of these variables, with commas.
+    pub(crate) fn listed(&self, vars: impl IntoIterator<Item = usize>) -> String {
+        vars.into_iter().map(|var| self.var_names[var].as_str()).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The different values of a variable; where there are more than `most`, one more.
+    pub(crate) fn different_values(&self, var: usize, most: usize) -> Vec<f64> {
+        let mut seen: Vec<f64> = Vec::new();
+        for value in self.recordings.iter().flat_map(|r| r.column(var)).filter(|value| !value.is_nan()) {
+            if seen.len() <= most && !seen.contains(value) {
+                seen.push(*value);
+            }
+        }
+        seen
     }
 
     /// Whether some tests may have to leave out samples: a value is missing, a mask applies, or not every time counts.

@@ -1,5 +1,7 @@
 //! Errors that name the place and the way out.
 
+use std::fmt::Display;
+
 use super::{
     names::nearest,
     words::{Named, spelled_out},
@@ -45,21 +47,26 @@ impl Error {
 
     /// Refuses a largest lag below the smallest one, or above [`MOST_LAG`].
     pub(crate) fn check_lags(tau_min: usize, tau_max: usize) -> Result<()> {
-        if tau_max < tau_min {
-            let reason = format!("{tau_max} is below {} {tau_min}", Named("tau_min"));
-            return Err(Self::param("tau_max", reason));
-        }
-        if tau_max > MOST_LAG {
-            let reason = format!(
-                "{tau_max} is above {MOST_LAG}; give a smaller lag, or take a longer step between rows"
-            );
-            return Err(Self::param("tau_max", reason));
-        }
-        Ok(())
+        Self::ensure(tau_max >= tau_min, "tau_max", || {
+            format!("{tau_max} is below {} {tau_min}", Named("tau_min"))
+        })?;
+        Self::ensure(tau_max <= MOST_LAG, "tau_max", || {
+            format!("{tau_max} is above {MOST_LAG}; give a smaller lag, or take a longer step between rows")
+        })
+    }
+
+    /// Refuses a setting for which something does not hold.
+    pub(crate) fn ensure<R: Display>(holds: bool, name: &str, reason: impl FnOnce() -> R) -> Result<()> {
+        if holds { Ok(()) } else { Err(Self::param(name, reason())) }
+    }
+
+    /// Refuses data for which something does not hold.
+    pub(crate) fn ensure_data<R: Display>(holds: bool, reason: impl FnOnce() -> R) -> Result<()> {
+        if holds { Ok(()) } else { Err(Self::Data(reason().to_string())) }
     }
 
     /// An [`Error::Param`] from any displayable reason.
-    pub fn param(name: impl Into<String>, reason: impl std::fmt::Display) -> Self {
+    pub fn param(name: impl Into<String>, reason: impl Display) -> Self {
         Self::Param { name: name.into(), reason: reason.to_string() }
     }
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::{
+    common::add_new,
     error::{Error, Result},
     links::{Assumption, LinkAssumptions, circle_of},
     names::{nearest, plain, position},
@@ -267,9 +268,7 @@ impl LinkRule {
             if !(tau_min..=tau_max).contains(&known) {
                 return Err(self.fault(&format!("lag {lag} is not among the lags {tau_min} to {tau_max}")));
             }
-            if !lags.contains(&known) {
-                lags.push(known);
-            }
+            add_new(&mut lags, known);
         }
         Ok(lags)
     }

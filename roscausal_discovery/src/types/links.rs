@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
     error::{Error, Result},
+    marks::LinkMark,
     node::Node,
 };
 
@@ -38,75 +39,57 @@ pub enum Assumption {
 }
 
 impl Assumption {
+    /// All of them.
+    const ALL: [Self; 12] = {
+        use Assumption::*;
+        [
+            Exists, Test, ExistsBackward, TestBackward, ExistsUnoriented, TestUnoriented, ExistsNotBack,
+            TestNotBack, ExistsNotForward, TestNotForward, ExistsHidden, TestHidden,
+        ]
+    };
+
+    /// Their symbols, in the order of the variants.
+    const SYMBOLS: [&str; 12] =
+        ["-->", "-?>", "<--", "<?-", "o-o", "o?o", "o->", "o?>", "<-o", "<?o", "<->", "<?>"];
+
     /// The assumption as tigramite writes it.
     pub fn symbol(self) -> &'static str {
-        match self {
-            Self::Exists => "-->",
-            Self::Test => "-?>",
-            Self::ExistsBackward => "<--",
-            Self::TestBackward => "<?-",
-            Self::ExistsUnoriented => "o-o",
-            Self::TestUnoriented => "o?o",
-            Self::ExistsNotBack => "o->",
-            Self::TestNotBack => "o?>",
-            Self::ExistsNotForward => "<-o",
-            Self::TestNotForward => "<?o",
-            Self::ExistsHidden => "<->",
-            Self::TestHidden => "<?>",
-        }
+        Self::SYMBOLS[self as usize]
+    }
+
+    /// The marks of each two: a link that exists, and the same that may exist.
+    const MARKS: [LinkMark; 6] = {
+        use LinkMark::*;
+        [Forward, Backward, Unoriented, CircleHead, HeadCircle, Bidirected]
+    };
+
+    /// The mark of a link that was found under the assumption.
+    pub(crate) fn mark(self) -> LinkMark {
+        Self::MARKS[self as usize / 2]
     }
 
     /// Whether the assumption speaks of causes that were not recorded.
     pub fn speaks_of_hidden_causes(self) -> bool {
-        !matches!(
-            self,
-            Self::Exists
-                | Self::Test
-                | Self::ExistsBackward
-                | Self::TestBackward
-                | Self::ExistsUnoriented
-                | Self::TestUnoriented
-        )
+        !matches!(self.mark(), LinkMark::Forward | LinkMark::Backward | LinkMark::Unoriented)
     }
 
     /// Whether the link counts as existing without a test.
     pub fn exists(self) -> bool {
-        matches!(
-            self,
-            Self::Exists
-                | Self::ExistsBackward
-                | Self::ExistsUnoriented
-                | Self::ExistsNotBack
-                | Self::ExistsNotForward
-                | Self::ExistsHidden
-        )
+        !self.symbol().contains('?')
     }
 
     /// Whether two statements of one link cannot both be meant: one is more than "may exist", or they are of opposite directions.
     fn contradicts(self, other: Self) -> bool {
-        let backward = |a: Self| {
-            matches!(
-                a,
-                Self::ExistsBackward | Self::TestBackward | Self::ExistsNotForward | Self::TestNotForward
-            )
-        };
+        let backward = |a: Self| matches!(a.mark(), LinkMark::Backward | LinkMark::HeadCircle);
         let open = |a: Self| a.mirrored() == a;
         self != other && (self.exists() || !open(self) && !open(other) && backward(self) != backward(other))
     }
 
     /// The same link, read from its other end.
     pub fn mirrored(self) -> Self {
-        match self {
-            Self::Exists => Self::ExistsBackward,
-            Self::Test => Self::TestBackward,
-            Self::ExistsBackward => Self::Exists,
-            Self::TestBackward => Self::Test,
-            Self::ExistsNotBack => Self::ExistsNotForward,
-            Self::TestNotBack => Self::TestNotForward,
-            Self::ExistsNotForward => Self::ExistsNotBack,
-            Self::TestNotForward => Self::TestNotBack,
-            same => same,
-        }
+        let mirrored = self.mark().mirrored();
+        let is_it = |other: &Self| other.exists() == self.exists() && other.mark() == mirrored;
+        Self::ALL.into_iter().find(is_it).unwrap_or(self)
     }
 }
 
@@ -114,24 +97,8 @@ impl std::str::FromStr for Assumption {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        [
-            Self::Exists,
-            Self::Test,
-            Self::ExistsBackward,
-            Self::TestBackward,
-            Self::ExistsUnoriented,
-            Self::TestUnoriented,
-            Self::ExistsNotBack,
-            Self::TestNotBack,
-            Self::ExistsNotForward,
-            Self::TestNotForward,
-            Self::ExistsHidden,
-            Self::TestHidden,
-        ]
-        .into_iter()
-        .find(|a| a.symbol() == text)
-        .ok_or_else(|| {
-            let known = "-->, -?>, <--, <?-, o-o, o?o, o->, o?>, <-o, <?o, <->, <?>";
+        Self::ALL.into_iter().find(|a| a.symbol() == text).ok_or_else(|| {
+            let known = Self::SYMBOLS.join(", ");
             Error::param("link_assumptions", format!("'{text}' is not one of {known}"))
         })
     }
@@ -246,10 +213,7 @@ impl LinkAssumptions {
             return fail(format!("variable {cause} cannot drive itself at lag 0"));
         }
         let lagged =
-            [Assumption::Exists, Assumption::Test, Assumption::ExistsNotBack, Assumption::TestNotBack]
-                .into_iter()
-                .chain([Assumption::ExistsHidden, Assumption::TestHidden])
-                .any(|allowed| allowed == assumption);
+            matches!(assumption.mark(), LinkMark::Forward | LinkMark::CircleHead | LinkMark::Bidirected);
         if lag > 0 && !lagged {
             let allowed = "-->, -?>, o->, o?>, <-> or <?>";
             return fail(format!("'{}' at lag {lag}: a lagged link is {allowed}", assumption.symbol()));
@@ -295,10 +259,9 @@ impl LinkAssumptions {
 
     /// Checks that the assumptions match the variables and lags of a run.
     pub(crate) fn check(&self, n_vars: usize, tau_min: usize, tau_max: usize) -> Result<()> {
-        if self.targets.len() != n_vars {
-            let reason = format!("they are for {} variables, the data have {n_vars}", self.targets.len());
-            return Err(Error::param("link_assumptions", reason));
-        }
+        Error::ensure(self.targets.len() == n_vars, "link_assumptions", || {
+            format!("they are for {} variables, the data have {n_vars}", self.targets.len())
+        })?;
         for map in &self.targets {
             if let Some(node) = map.keys().find(|node| !(tau_min..=tau_max).contains(&node.lag)) {
                 let reason = format!("lag {} is outside tau_min..tau_max = {tau_min}..{tau_max}", node.lag);

@@ -70,25 +70,14 @@ pub enum LinkEnd {
 
 impl LinkMark {
     /// All marks, no link first.
-    pub const ALL: [Self; 17] = [
-        Self::Absent,
-        Self::Forward,
-        Self::Backward,
-        Self::Unoriented,
-        Self::Conflict,
-        Self::CircleHead,
-        Self::HeadCircle,
-        Self::Bidirected,
-        Self::ConflictHead,
-        Self::HeadConflict,
-        Self::CircleConflict,
-        Self::ConflictCircle,
-        Self::TailConflict,
-        Self::ConflictTail,
-        Self::TailCircle,
-        Self::CircleTail,
-        Self::TailTail,
-    ];
+    pub const ALL: [Self; 17] = {
+        use LinkMark::*;
+        [
+            Absent, Forward, Backward, Unoriented, Conflict, CircleHead, HeadCircle, Bidirected,
+            ConflictHead, HeadConflict, CircleConflict, ConflictCircle, TailConflict, ConflictTail,
+            TailCircle, CircleTail, TailTail,
+        ]
+    };
 
     /// Their symbols, in the order of the variants.
     const SYMBOLS: [&str; 17] = [

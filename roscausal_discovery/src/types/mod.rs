@@ -23,6 +23,7 @@ pub mod visible;
 mod words;
 
 pub use common::same_value;
+pub(crate) use common::{add_new, unique};
 pub(crate) use complete_rows::CompleteRows;
 pub(crate) use components::Components;
 pub use components::{VectorNames, vectors_of};

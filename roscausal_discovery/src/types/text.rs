@@ -1,6 +1,6 @@
 //! JSON and TOML that others wrote: bounds before a parser reads them, and its faults in plain words.
 
-use std::{collections::HashSet, fmt::Display};
+use std::{borrow::Borrow, collections::HashSet, fmt::Display};
 
 use super::error::{Error, Result};
 
@@ -46,15 +46,10 @@ pub fn check_nesting(text: &[u8]) -> Result<()> {
 /// # Errors
 /// Any other schema.
 pub fn check_schema(schema: &str, known: &str) -> Result<()> {
-    match schema == known {
-        true => Ok(()),
-        false => {
-            let schema = quoted(schema);
-            let reason =
-                format!("its schema is {schema}; this program reads '{known}': make the file again with it");
-            Err(Error::Data(reason))
-        }
-    }
+    Error::ensure_data(schema == known, || {
+        let schema = quoted(schema);
+        format!("its schema is {schema}; this program reads '{known}': make the file again with it")
+    })
 }
 
 /// Refuses names that are empty or there twice.
@@ -64,13 +59,12 @@ pub fn check_schema(schema: &str, known: &str) -> Result<()> {
 pub fn check_names<'a>(names: impl IntoIterator<Item = &'a String>) -> Result<()> {
     let mut known = HashSet::new();
     for (k, name) in names.into_iter().enumerate() {
-        if name.trim().is_empty() {
-            return Err(Error::Data(format!("variable {} has no name; give each a name", k + 1)));
-        }
-        if !known.insert(name) {
-            let name = quoted(name);
-            return Err(Error::Data(format!("{name} is there twice; give each variable a name of its own")));
-        }
+        Error::ensure_data(!name.trim().is_empty(), || {
+            format!("variable {} has no name; give each a name", k + 1)
+        })?;
+        Error::ensure_data(known.insert(name), || {
+            format!("{} is there twice; give each variable a name of its own", quoted(name))
+        })?;
     }
     Ok(())
 }
@@ -80,14 +74,10 @@ pub fn check_names<'a>(names: impl IntoIterator<Item = &'a String>) -> Result<()
 /// # Errors
 /// A step that is not above 0, or is longer than any.
 pub fn check_step(dt: Option<f64>) -> Result<()> {
-    match dt.filter(|dt| !(*dt > 0.0 && *dt <= LONGEST_STEP)) {
-        Some(dt) => {
-            let reason =
-                format!("{dt} is not a step between rows; give seconds above 0, up to {LONGEST_STEP}");
-            Err(Error::param("dt", reason))
-        }
-        None => Ok(()),
-    }
+    let Some(dt) = dt else { return Ok(()) };
+    Error::ensure(dt > 0.0 && dt <= LONGEST_STEP, "dt", || {
+        format!("{dt} is not a step between rows; give seconds above 0, up to {LONGEST_STEP}")
+    })
 }
 
 /// Whether a number is a p-value or a share, up to rounding.
@@ -128,6 +118,14 @@ fn after_string(quote: u8, text: &[u8]) -> &[u8] {
 /// ```
 pub fn quoted(name: &str) -> String {
     format!("'{}'", short(name))
+}
+
+/// `a, b and c`.
+pub(crate) fn listed<S: Borrow<str> + Display>(parts: &[S]) -> String {
+    match parts {
+        [before @ .., last] if !before.is_empty() => format!("{} and {last}", before.join(", ")),
+        _ => parts.join(""),
+    }
 }
 
 /// The same without quotes.

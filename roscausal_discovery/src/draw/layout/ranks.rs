@@ -6,6 +6,8 @@
 //! 3. Each variable moves to the middle of its neighbours, as far as these leave room, so that arrows get short.
 //! 4. Variables without arrows fill the emptiest columns.
 
+use crate::types::unique;
+
 /// Rounds of step 3.
 const ROUNDS: usize = 8;
 
@@ -84,9 +86,7 @@ fn positions(order: &[usize]) -> Vec<usize> {
 
 /// Columns that steps 2 and 3 left empty go.
 fn close_gaps(rank: &mut [usize], alone: &[usize]) {
-    let mut used: Vec<usize> = (0..rank.len()).filter(|v| !alone.contains(v)).map(|v| rank[v]).collect();
-    used.sort_unstable();
-    used.dedup();
+    let used = unique((0..rank.len()).filter(|v| !alone.contains(v)).map(|v| rank[v]).collect());
     rank.iter_mut().for_each(|r| *r = used.partition_point(|u| u < r));
 }
 

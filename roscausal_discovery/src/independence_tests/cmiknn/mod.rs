@@ -80,24 +80,19 @@ impl CmiKnn {
     pub fn new(settings: &TestSettings) -> Result<Self> {
         settings.check()?;
         let significance = settings.significance.unwrap_or(Significance::ShuffleTest);
-        if significance == Significance::Analytic {
-            let reason = "cmiknn has no analytic one; choose 'shuffle_test' or 'fixed_thres'";
-            return Err(Error::param("significance", reason));
-        }
+        let reason = "cmiknn has no analytic one; choose 'shuffle_test' or 'fixed_thres'";
+        Error::ensure(significance != Significance::Analytic, "significance", || reason)?;
         if settings.confidence == Some(Confidence::Analytic) {
             return Err(Error::param("confidence", "cmiknn has none from theory; choose 'bootstrap'"));
         }
         let knn = settings.knn;
-        if !(knn > 0.0 && knn.is_finite()) {
-            let reason =
-                format!("{knn} must be a number of neighbours, or a fraction of the samples below 1");
-            return Err(Error::param("knn", reason));
-        }
+        Error::ensure(knn > 0.0 && knn.is_finite(), "knn", || {
+            format!("{knn} must be a number of neighbours, or a fraction of the samples below 1")
+        })?;
         let shuffle_neighbors = settings.shuffle_neighbors;
-        if shuffle_neighbors < 2 {
-            let reason = format!("{shuffle_neighbors} must be at least 2, of which the sample itself is one");
-            return Err(Error::param("shuffle_neighbors", reason));
-        }
+        Error::ensure(shuffle_neighbors > 1, "shuffle_neighbors", || {
+            format!("{shuffle_neighbors} must be at least 2, of which the sample itself is one")
+        })?;
         let transform = match settings.transform.as_str() {
             "ranks" | "uniform" => Transform::Ranks,
             "standardize" => Transform::Standardize,
@@ -153,28 +148,19 @@ impl PreparedTest for Prepared<'_> {
     fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
         let LaggedArrays { x: xs, y: ys, z: mut zs, n_lost } = self.samples.arrays(x, y, z);
         let settings = &self.test.settings;
-        let mut result = TestResult {
-            value: 0.0,
-            p_value: 1.0,
-            confidence: None,
-            n_samples: xs.len(),
-            n_lost,
-            dependent: None,
-        };
+        let mut result = TestResult::new(0.0, 1.0, xs.len(), n_lost);
         if is_constant(&xs) || is_constant(&ys) || self.test.neighbours(xs.len()).is_none() {
             result.confidence = settings.confidence.map(|_| (0.0, 0.0));
             return Ok(result);
         }
         zs.retain(|row| !is_constant(row));
-        let seed = seed_of_draw(settings.seed, self.samples.data().draw);
-        let mut rng = Rng::for_test(seed, x, y, z);
-        (result.value, result.p_value) = self.value_and_p(&xs, &ys, &zs, &mut rng, true)?;
+        let mut resampling = Resampling::of(self.samples, settings.seed, x, y, z);
+        (result.value, result.p_value) = self.value_and_p(&xs, &ys, &zs, &mut resampling.rng, true)?;
         if settings.confidence.is_some() {
-            let mut resampling = Resampling { rng, control: self.samples.control() };
             // Samples that were drawn twice are ties. They are broken at random, in the same way each time.
+            let seed = seed_of_draw(settings.seed, self.samples.data().draw);
             let ties = Rng::for_test(seed ^ 1, x, y, z);
-            let blocks = (settings.conf_samples, settings.conf_blocklength, settings.conf_lev);
-            result.confidence = Some(resampling.bootstrap(&xs, &ys, &zs, blocks, |x, y, z| {
+            result.confidence = Some(resampling.bootstrap(&xs, &ys, &zs, settings, |x, y, z| {
                 self.value_and_p(&x, &y, &z, &mut ties.clone(), false).map_or(0.0, |(value, _)| value)
             })?);
         }

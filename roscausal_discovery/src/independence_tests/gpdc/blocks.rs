@@ -22,7 +22,7 @@ use faer::{
             BlockStructure::{Rectangular, TriangularLower},
         },
         triangular_inverse,
-        triangular_solve::solve_lower_triangular_in_place,
+        triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place},
     },
     prelude::{Reborrow, ReborrowMut},
 };
@@ -39,7 +39,8 @@ pub(super) fn factorise<T: Real>(matrix: MatMut<'_, T>, cores: &Cores) -> Option
     if matrix.nrows() < SHARED { whole(matrix) } else { cut(matrix, cores) }
 }
 
-fn whole<T: Real>(matrix: MatMut<'_, T>) -> Option<()> {
+/// The same in one part.
+pub(super) fn whole<T: Real>(matrix: MatMut<'_, T>) -> Option<()> {
     let scratch = llt::factor::cholesky_in_place_scratch::<T>(matrix.nrows(), Par::Seq, Default::default());
     let mut scratch = MemBuffer::new(scratch);
     let (stack, none) = (MemStack::new(&mut scratch), Default::default());
@@ -70,6 +71,13 @@ fn cut<T: Real>(matrix: MatMut<'_, T>, cores: &Cores) -> Option<()> {
         || subtract(under, Rectangular, lower, upper),
     );
     cut(last, cores)
+}
+
+/// Solves `L L' x = y`, and writes `x` over `y`.
+pub(super) fn solve<T: Real>(factor: MatRef<'_, T>, y: &mut [T]) {
+    let mut column = MatMut::from_column_major_slice_mut(y, factor.nrows(), 1);
+    solve_lower_triangular_in_place(factor, column.rb_mut(), Par::Seq);
+    solve_upper_triangular_in_place(factor.transpose(), column, Par::Seq);
 }
 
 /// `to -= a b'`

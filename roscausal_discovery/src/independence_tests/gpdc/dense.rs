@@ -3,17 +3,10 @@
 
 use std::{marker::PhantomData, ops::Range};
 
-use faer::{
-    Accum, MatMut, MatRef, Par,
-    linalg::{
-        matmul,
-        triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place},
-    },
-    prelude::ReborrowMut,
-};
+use faer::{Accum, MatMut, MatRef, Par, linalg::matmul, prelude::ReborrowMut};
 
 use super::{
-    blocks::{SHARED, factorise, invert},
+    blocks::{SHARED, factorise, invert, solve},
     buffer::Buffer,
     cores::Cores,
     factorisation::{Factorisation, Solution, Traces},
@@ -56,16 +49,16 @@ impl<T: Real> Dense<T> {
         let matrix = factor.numbers_mut::<T>(n * n);
         factorise(MatMut::from_column_major_slice_mut(matrix, n, n), cores)?;
         let log_determinant = 2.0 * matrix.iter().step_by(n + 1).map(|d| d.double().ln()).sum::<f64>();
+        let of = |parts: Buffer, inverted: bool, traces: Traces| Self {
+            n,
+            parts,
+            inverted,
+            log_determinant,
+            traces,
+            precision: PhantomData,
+        };
         if !for_search {
-            let traces = Traces::default();
-            return Some(Self {
-                n,
-                parts: factor,
-                inverted: false,
-                log_determinant,
-                traces,
-                precision: PhantomData,
-            });
+            return Some(of(factor, false, Traces::default()));
         }
         let inverse = parts.numbers_mut::<T>(n * n);
         invert(
@@ -77,7 +70,7 @@ impl<T: Real> Dense<T> {
         let (derivative, squared) = traces_of_products(inverse, n, cores);
         let traces =
             Traces { inverse: inverse.chunks_exact(n).enumerate().map(square).sum(), squared, derivative };
-        Some(Self { n, parts, inverted: true, log_determinant, traces, precision: PhantomData })
+        Some(of(parts, true, traces))
     }
 
     fn view(&self) -> &[T] {
@@ -111,15 +104,12 @@ impl<T: Real> Factorisation for Dense<T> {
     fn alpha(&self, y: &[f64]) -> Vec<f64> {
         let n = self.n;
         let mut half: Vec<T> = y.iter().map(|&y| T::from_double(y)).collect();
-        let right = || MatRef::from_column_major_slice(self.view(), n, n);
         if self.inverted {
             half = self.half(&half);
             let columns = self.view().chunks_exact(n).enumerate();
             return columns.map(|(j, column)| T::dot(&column[j..], &half[j..])).collect();
         }
-        let mut solution = MatMut::from_column_major_slice_mut(&mut half, n, 1);
-        solve_lower_triangular_in_place(right(), solution.rb_mut(), Par::Seq);
-        solve_upper_triangular_in_place(right().transpose(), solution, Par::Seq);
+        solve(MatRef::from_column_major_slice(self.view(), n, n), &mut half);
         half.into_iter().map(T::double).collect()
     }
 }

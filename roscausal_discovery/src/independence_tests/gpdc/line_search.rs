@@ -143,7 +143,7 @@ impl LineSearch {
             self.bracketed = true;
         } else if now.slope.abs() < best.slope.abs() {
             // Lower, the slope falls: extrapolate, not too near the other end.
-            let far = if now.step > best.step { self.allowed_end() } else { self.allowed_start() };
+            let far = if now.step > best.step { self.longest_allowed } else { self.shortest_allowed };
             let cubic = cubic_extrapolation(now, best).unwrap_or(far);
             let secant = secant(now, best);
             let cubic_is_nearer = (cubic - now.step).abs() < (secant - now.step).abs();
@@ -153,13 +153,13 @@ impl LineSearch {
                 next = if now.step > best.step { step.min(limit) } else { step.max(limit) };
             } else {
                 let step = if cubic_is_nearer { secant } else { cubic };
-                next = step.clamp(self.allowed_start(), self.allowed_end());
+                next = step.clamp(self.shortest_allowed, self.longest_allowed);
             }
         } else if self.bracketed {
             // Lower, the slope does not fall: cubic with the other end.
             next = cubic(now, other);
         } else {
-            next = if now.step > best.step { self.allowed_end() } else { self.allowed_start() };
+            next = if now.step > best.step { self.longest_allowed } else { self.shortest_allowed };
         }
         if now.value > best.value {
             self.other = now;
@@ -170,14 +170,6 @@ impl LineSearch {
             self.best = now;
         }
         next
-    }
-
-    fn allowed_start(&self) -> f64 {
-        self.shortest_allowed
-    }
-
-    fn allowed_end(&self) -> f64 {
-        self.longest_allowed
     }
 }
 

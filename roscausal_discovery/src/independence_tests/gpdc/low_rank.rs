@@ -12,14 +12,11 @@
 
 use faer::{
     Accum, MatMut, MatRef, Par,
-    dyn_stack::{MemBuffer, MemStack},
-    linalg::{
-        cholesky::llt, matmul, matmul::triangular::BlockStructure, triangular_inverse, triangular_solve,
-    },
-    prelude::ReborrowMut,
+    linalg::{matmul, matmul::triangular::BlockStructure, triangular_inverse, triangular_solve},
 };
 
 use super::{
+    blocks::{solve, whole},
     buffer::Buffer,
     factorisation::{Factorisation, Solution, Traces},
     incomplete::Incomplete,
@@ -80,7 +77,7 @@ impl<T: Real> LowRank<T> {
         let (n, r) = (inputs.len(), factor.rank());
         let mut inner = symmetric_product(factor.factor(), r);
         inner.iter_mut().step_by(r + 1).for_each(|d| *d += theta.s);
-        cholesky(view_mut(&mut inner, r))?;
+        whole(view_mut(&mut inner, r))?;
         let log_determinant =
             (n - r) as f64 * theta.s.ln() + 2.0 * inner.iter().step_by(r + 1).map(|d| d.ln()).sum::<f64>();
         let traces = Traces::default();
@@ -168,10 +165,7 @@ impl<T: Real> LowRank<T> {
     /// `a = A^-1 y` and `L' a`.
     fn alpha_and_weights(&self, y: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let mut weights = products_with_columns(self.factor.factor(), y);
-        let mut column = MatMut::from_column_major_slice_mut(&mut weights, self.factor.rank(), 1);
-        let inner = view(&self.inner, self.factor.rank());
-        triangular_solve::solve_lower_triangular_in_place(inner, column.rb_mut(), Par::Seq);
-        triangular_solve::solve_upper_triangular_in_place(inner.transpose(), column, Par::Seq);
+        solve(view(&self.inner, self.factor.rank()), &mut weights);
         let mut fitted = vec![0.0; y.len()];
         add_columns(&mut fitted, self.factor.factor(), &weights);
         let alpha = y.iter().zip(&fitted).map(|(y, fitted)| (y - fitted) / self.s).collect();
@@ -270,17 +264,4 @@ pub(super) fn symmetric_product<T: Real>(factor: &[T], r: usize) -> Buffer {
         Par::Seq,
     );
     T::doubles(product, r * r)
-}
-
-fn cholesky(matrix: MatMut<'_, f64>) -> Option<()> {
-    let scratch = llt::factor::cholesky_in_place_scratch::<f64>(matrix.nrows(), Par::Seq, Default::default());
-    llt::factor::cholesky_in_place(
-        matrix,
-        Default::default(),
-        Par::Seq,
-        MemStack::new(&mut MemBuffer::new(scratch)),
-        Default::default(),
-    )
-    .ok()
-    .map(|_| ())
 }

@@ -36,11 +36,8 @@ use super::{
     settings::{Confidence, GpSearch, Significance, TestSettings},
 };
 use crate::{
-    numeric::{
-        random::{Rng, seed_of_draw},
-        rows::{is_constant, standardized},
-    },
-    types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult},
+    numeric::rows::{is_constant, standardized},
+    types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, unique},
 };
 use distance_correlation::of_ranks;
 use null_table::NullTable;
@@ -76,18 +73,14 @@ pub(crate) fn gp_residuals(
     settings: &TestSettings,
     check: &dyn Fn() -> Result<()>,
 ) -> Result<Vec<f64>> {
-    if target.len() < FEWEST_SAMPLES {
-        return Err(too_few(target.len()));
-    }
+    check_samples(target.len())?;
     if conditions.is_empty() {
         return Ok(target.to_vec());
     }
     let resources = Gpdc { settings: settings.clone() }.resources(target.len())?;
     let rows: Vec<Vec<f64>> = conditions.iter().map(|row| standardized(row)).collect();
-    let how =
-        SearchSettings { search: settings.gp_search, restarts: settings.gp_restarts, seed: settings.seed };
     let process = GaussianProcess::new(&rows, &resources);
-    Ok(Residuals::new(target, Some(&process), &how, true, check)?.values)
+    Ok(Residuals::new(target, Some(&process), &SearchSettings::of(settings), true, check)?.values)
 }
 
 /// Samples below which a test is refused.
@@ -143,12 +136,9 @@ impl Gpdc {
     /// # Errors
     /// A setting that the test does not allow.
     pub fn new(settings: &TestSettings) -> Result<Self> {
-        if settings.sig_samples == Some(0) {
-            return Err(Error::param("sig_samples", "must be at least 1 (default 500)"));
-        }
-        if settings.confidence == Some(Confidence::Analytic) {
-            return Err(Error::param("confidence", "gpdc has no analytic interval; use bootstrap"));
-        }
+        Error::ensure(settings.sig_samples != Some(0), "sig_samples", || "must be at least 1 (default 500)")?;
+        let reason = "gpdc has no analytic interval; use bootstrap";
+        Error::ensure(settings.confidence != Some(Confidence::Analytic), "confidence", || reason)?;
         Ok(Self { settings: settings.clone() })
     }
 
@@ -191,9 +181,7 @@ impl CondIndTest for Gpdc {
 
     fn prepare<'a>(&'a self, samples: &'a Samples<'a>) -> Result<Box<dyn PreparedTest + 'a>> {
         let n = samples.len();
-        if n < FEWEST_SAMPLES {
-            return Err(too_few(n));
-        }
+        check_samples(n)?;
         let resources = self.resources(n)?;
         Ok(Box::new(PreparedGpdc { test: self, samples, resources, residuals: ResidualCache::default() }))
     }
@@ -213,17 +201,11 @@ struct PreparedGpdc<'a> {
 
 impl PreparedTest for PreparedGpdc<'_> {
     fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
-        let z = canonical(z);
+        // In one order, each once: a regression does not depend on the order of its conditions but for rounding.
+        let z = unique(z.to_vec());
         let arrays = self.samples.arrays(x, y, &z);
         let n = arrays.x.len();
-        let mut result = TestResult {
-            value: 0.0,
-            p_value: 1.0,
-            confidence: None,
-            n_samples: n,
-            n_lost: arrays.n_lost,
-            dependent: None,
-        };
+        let mut result = TestResult::new(0.0, 1.0, n, arrays.n_lost);
         if n < FEWEST_SAMPLES {
             return Ok(TestResult { n_samples: 0, ..result });
         }
@@ -233,10 +215,7 @@ impl PreparedTest for PreparedGpdc<'_> {
         let [of_x, of_y] = self.pair(x, y, &z, &arrays)?;
         result.value = of_ranks(&of_x.ranks, &of_y.ranks);
         let settings = &self.test.settings;
-        let mut resampling = Resampling {
-            rng: Rng::for_test(seed_of_draw(settings.seed, self.samples.data().draw), x, y, &z),
-            control: self.samples.control(),
-        };
+        let mut resampling = Resampling::of(self.samples, settings.seed, x, y, &z);
         match self.test.significance() {
             Significance::Analytic => {
                 let given = settings.null_distributions.as_ref();
@@ -262,7 +241,6 @@ impl PreparedTest for PreparedGpdc<'_> {
             Significance::FixedThres => {}
         }
         if settings.confidence.is_some() {
-            let blocks = (settings.conf_samples, settings.conf_blocklength, settings.conf_lev);
             let check = || self.samples.control().check();
             let value = |x: Vec<f64>, y: Vec<f64>, z: Vec<Vec<f64>>| {
                 if is_constant(&x) || is_constant(&y) {
@@ -275,24 +253,22 @@ impl PreparedTest for PreparedGpdc<'_> {
             };
             // A bootstrap sample fails only when the run is cancelled, which `bootstrap` notices as well.
             let value = |x, y, z| value(x, y, z).unwrap_or(0.0);
-            result.confidence = Some(resampling.bootstrap(&arrays.x, &arrays.y, &arrays.z, blocks, value)?);
+            result.confidence = Some(resampling.bootstrap(&arrays.x, &arrays.y, &arrays.z, settings, value)?);
             check()?;
         }
         Ok(result)
     }
 
     fn model_selection_score(&self, target: Node, parents: &[Node]) -> Result<f64> {
-        let z = canonical(parents);
+        let z = unique(parents.to_vec());
         let arrays = self.samples.arrays(target, target, &z);
-        if arrays.x.len() < FEWEST_SAMPLES {
-            return Err(too_few(arrays.x.len()));
-        }
+        check_samples(arrays.x.len())?;
         let [target, _] = self.pair(target, target, &z, &arrays)?;
         Ok(-target.log_likelihood)
     }
 
     fn remark(&self, effect: Node, parents: &[Node]) -> Result<Option<String>> {
-        let z = canonical(parents);
+        let z = unique(parents.to_vec());
         let arrays = self.samples.arrays(effect, effect, &z);
         let Some(process) = self.regression(&arrays.z) else { return Ok(None) };
         if is_constant(&arrays.x) || arrays.x.len() < FEWEST_SAMPLES {
@@ -356,8 +332,7 @@ impl PreparedGpdc<'_> {
     }
 
     fn how(&self) -> SearchSettings {
-        let TestSettings { gp_search, gp_restarts, seed, .. } = self.test.settings;
-        SearchSettings { search: gp_search, restarts: gp_restarts, seed }
+        SearchSettings::of(&self.test.settings)
     }
 
     /// The regression on `conditions`, those that are constant left out; `None` without any.
@@ -368,16 +343,10 @@ impl PreparedGpdc<'_> {
     }
 }
 
-/// The conditions in one order, each once: a regression does not depend on their order but for rounding.
-fn canonical(z: &[Node]) -> Vec<Node> {
-    let mut z = z.to_vec();
-    z.sort_unstable();
-    z.dedup();
-    z
-}
-
-fn too_few(n: usize) -> Error {
-    Error::Data(format!("gpdc has {n} complete samples and needs at least {FEWEST_SAMPLES}; record more"))
+fn check_samples(n: usize) -> Result<()> {
+    Error::ensure_data(n >= FEWEST_SAMPLES, || {
+        format!("gpdc has {n} complete samples and needs at least {FEWEST_SAMPLES}; record more")
+    })
 }
 
 #[cfg(test)]

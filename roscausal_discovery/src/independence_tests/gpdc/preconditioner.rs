@@ -1,13 +1,9 @@
 //! A system near `K + s I` that is quick to solve: the factor of low rank, and what it leaves on the diagonal.
 
-use faer::{
-    MatMut, MatRef, Par,
-    dyn_stack::{MemBuffer, MemStack},
-    linalg::{cholesky::llt, triangular_solve},
-    prelude::ReborrowMut,
-};
+use faer::{MatMut, MatRef};
 
 use super::{
+    blocks::{solve, whole},
     buffer::Buffer,
     incomplete::Incomplete,
     low_rank::symmetric_product,
@@ -40,17 +36,7 @@ impl Preconditioner {
         }
         let mut inner = symmetric_product(&factor[..n * rank], rank);
         inner.iter_mut().step_by(rank + 1).for_each(|d| *d += 1.0);
-        let matrix = MatMut::from_column_major_slice_mut(&mut inner, rank, rank);
-        let scratch = llt::factor::cholesky_in_place_scratch::<f64>(rank, Par::Seq, Default::default());
-        let mut memory = MemBuffer::new(scratch);
-        llt::factor::cholesky_in_place(
-            matrix,
-            Default::default(),
-            Par::Seq,
-            MemStack::new(&mut memory),
-            Default::default(),
-        )
-        .ok()?;
+        whole(MatMut::from_column_major_slice_mut(&mut inner[..], rank, rank))?;
         Some(Self { factor, rank, roots, inner })
     }
 
@@ -59,10 +45,8 @@ impl Preconditioner {
         let factor = &self.factor[..y.len() * self.rank];
         let half: Vec<f64> = y.iter().zip(&self.roots).map(|(y, root)| y * root).collect();
         let mut weights = products_with_columns(factor, &half);
-        let mut column = MatMut::from_column_major_slice_mut(&mut weights, self.rank, 1);
         let inner = MatRef::from_column_major_slice(&self.inner[..], self.rank, self.rank);
-        triangular_solve::solve_lower_triangular_in_place(inner, column.rb_mut(), Par::Seq);
-        triangular_solve::solve_upper_triangular_in_place(inner.transpose(), column, Par::Seq);
+        solve(inner, &mut weights);
         let mut fitted = vec![0.0; y.len()];
         add_columns(&mut fitted, factor, &weights);
         half.iter()

@@ -13,13 +13,12 @@ use faer::{
 };
 
 use super::{
-    FEWEST_SAMPLES,
+    check_samples,
     kernel::Inputs,
     memory_of,
-    regression::{GaussianProcess, SearchSettings},
+    regression::{GaussianProcess, SearchSettings, no_covariance},
     resources::Resources,
     theta::Theta,
-    too_few,
 };
 use crate::{
     independence_tests::settings::TestSettings,
@@ -62,10 +61,8 @@ impl GpOptimum {
         check(target, conditions)?;
         let rows: Vec<Vec<f64>> = conditions.iter().map(|row| standardized(row)).collect();
         let process = GaussianProcess::new(&rows, &Resources::new(memory_of(settings)));
-        let TestSettings { gp_search, gp_restarts, seed, .. } = *settings;
-        let how = SearchSettings { search: gp_search, restarts: gp_restarts, seed };
         let target = standardized(target);
-        let theta = process.fit(&target, &how, &|| Ok(()))?.theta;
+        let theta = process.fit(&target, &SearchSettings::of(settings), &|| Ok(()))?.theta;
         Ok(Self {
             length_scale: theta.l,
             noise: theta.s,
@@ -77,9 +74,7 @@ impl GpOptimum {
 /// Whether a regression of `target` on `conditions` is possible.
 fn check(target: &[f64], conditions: &[Vec<f64>]) -> Result<()> {
     let n = target.len();
-    if n < FEWEST_SAMPLES {
-        return Err(too_few(n));
-    }
+    check_samples(n)?;
     if let Some(row) = conditions.iter().position(|row| row.len() != n) {
         return Err(Error::Data(format!(
             "condition {row} has {} samples, the target {n}",
@@ -87,11 +82,11 @@ fn check(target: &[f64], conditions: &[Vec<f64>]) -> Result<()> {
         )));
     }
     let mut rows = conditions.iter().map(Vec::as_slice).chain([target]);
-    if conditions.is_empty() || rows.any(|row| is_constant(row) || !row.iter().all(|v| v.is_finite())) {
-        let reason = "a regression needs conditions and a target that vary, of finite values";
-        return Err(Error::Data(reason.into()));
-    }
-    Ok(())
+    let fits = |row: &[f64]| !is_constant(row) && row.iter().all(|v| v.is_finite());
+    Error::ensure_data(
+        !conditions.is_empty() && rows.all(fits),
+        || "a regression needs conditions and a target that vary, of finite values",
+    )
 }
 
 /// A Gaussian process regression with the kernel `RBF(length_scale) + White(noise)`, to predict with: the one that GPDC takes
@@ -348,12 +343,8 @@ impl GpRegression {
     /// A regression that is resampled: its counts are not kept.
     pub fn leave_one_out(&self) -> Result<Vec<f64>> {
         let inverse = self.factor()?.inverse();
-        Ok(self
-            .weights
-            .iter()
-            .enumerate()
-            .map(|(i, weight)| self.scale.1 * weight / inverse[(i, i)])
-            .collect())
+        let left = |(i, weight): (usize, &f64)| self.scale.1 * weight / inverse[(i, i)];
+        Ok(self.weights.iter().enumerate().map(left).collect())
     }
 
     /// The inverse `A` of the samples' covariance matrix, noise included, and `A y`: both of standardised values.
@@ -365,10 +356,8 @@ impl GpRegression {
     }
 
     fn factor(&self) -> Result<Llt<f64>> {
-        if self.log_likelihood.is_nan() {
-            let reason = "a resampled regression keeps no counts; ask the one that it was made of";
-            return Err(Error::Data(reason.into()));
-        }
+        let reason = "a resampled regression keeps no counts; ask the one that it was made of";
+        Error::ensure_data(!self.log_likelihood.is_nan(), || reason)?;
         covariance(&self.inputs, self.theta.l, |_| self.theta.s)
     }
 }
@@ -392,9 +381,7 @@ fn covariance(inputs: &Inputs, l: f64, noise: impl Fn(usize) -> f64) -> Result<L
         (j..n).for_each(|i| matrix[(i, j)] = column[i]);
         matrix[(j, j)] = 1.0 + noise(j);
     }
-    matrix.llt(Side::Lower).map_err(|_| {
-        Error::Data("a Gaussian process has no positive definite covariance on these samples".into())
-    })
+    matrix.llt(Side::Lower).map_err(|_| no_covariance())
 }
 
 fn solve(factor: &Llt<f64>, y: &[f64]) -> Vec<f64> {

@@ -19,7 +19,7 @@ use super::{
     theta::Theta,
 };
 use crate::{
-    independence_tests::settings::GpSearch,
+    independence_tests::settings::{GpSearch, TestSettings},
     numeric::random::Rng,
     types::{Error, Result},
 };
@@ -53,6 +53,12 @@ pub(super) struct SearchSettings {
     pub(super) restarts: usize,
     /// Of these places.
     pub(super) seed: u64,
+}
+
+impl SearchSettings {
+    pub(super) fn of(settings: &TestSettings) -> Self {
+        Self { search: settings.gp_search, restarts: settings.gp_restarts, seed: settings.seed }
+    }
 }
 
 /// A regression on given conditions, for any number of targets.
@@ -371,7 +377,7 @@ fn residuals(theta: Theta, alpha: Vec<f64>) -> Vec<f64> {
     alpha.into_iter().map(|a| theta.s * a).collect()
 }
 
-fn no_covariance() -> Error {
+pub(super) fn no_covariance() -> Error {
     Error::Data("a Gaussian process has no positive definite covariance on these samples".into())
 }
 

@@ -4,7 +4,7 @@ use super::{
     graph::Pair,
     search::{Search, Separating},
 };
-use crate::types::{Node, Result};
+use crate::types::{Node, Result, add_new};
 
 /// A set of conditions.
 type Nodes = Vec<Node>;
@@ -16,9 +16,7 @@ impl Search<'_, '_> {
         let least = stored.iter().map(|set| set.nodes.len()).min().unwrap_or(0);
         let mut level: Vec<Vec<Node>> = Vec::new();
         for set in stored.iter().filter(|set| set.nodes.len() == least) {
-            if !level.contains(&set.nodes) {
-                level.push(set.nodes.clone());
-            }
+            add_new(&mut level, set.nodes.clone());
         }
         while !level.is_empty() {
             let (minimal, next) = self.one_level(pair, &level)?;
@@ -36,11 +34,9 @@ impl Search<'_, '_> {
     fn one_level(&mut self, pair: Pair, level: &[Nodes]) -> Result<(Vec<Nodes>, Vec<Nodes>)> {
         let (mut minimal, mut smaller) = (Vec::new(), Vec::new());
         for set in level {
-            let no_cause: Vec<Node> = set
-                .iter()
-                .copied()
-                .filter(|&node| !self.is_ancestor(node, pair.x) && !self.is_ancestor(node, pair.y))
-                .collect();
+            let is_no_cause =
+                |node: &Node| !self.is_ancestor(*node, pair.x) && !self.is_ancestor(*node, pair.y);
+            let no_cause: Vec<Node> = set.iter().copied().filter(is_no_cause).collect();
             let mut separating = Vec::new();
             if set.len() > 1 {
                 for node in no_cause {
@@ -58,9 +54,7 @@ impl Search<'_, '_> {
         let least = smaller.iter().map(|(value, _)| *value).fold(f64::INFINITY, f64::min);
         let mut next: Vec<Vec<Node>> = Vec::new();
         for (_, set) in smaller.into_iter().filter(|(value, _)| *value == least) {
-            if !next.contains(&set) {
-                next.push(set);
-            }
+            add_new(&mut next, set);
         }
         Ok((minimal, next))
     }

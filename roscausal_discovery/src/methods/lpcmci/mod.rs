@@ -172,9 +172,7 @@ fn found(search: &Search<'_, '_>) -> PcmciResult {
                 Some(_) => (1.0, 0.0),
                 None => (0.0, 1.0),
             };
-            result.val_matrix[at] = value;
-            result.p_matrix[at] = p_value;
-            result.samples[at] = evidence.samples;
+            result.put(at, value, p_value, evidence.samples);
         }
     }
     result

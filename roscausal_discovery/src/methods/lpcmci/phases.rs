@@ -8,13 +8,13 @@ use super::{
     sets::{Conditions, union},
 };
 use crate::{
-    methods::pc_stable::next_combination,
+    methods::pc_stable::combinations,
     types::{Node, Result},
 };
 
 /// From which end of a pair conditions are taken.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Side {
+pub(super) enum Side {
     Effect,
     Cause,
 }
@@ -173,7 +173,7 @@ impl Search<'_, '_> {
     }
 
     /// Tests a pair given `size` of the choices, at most `most` such sets; whether one separates it.
-    fn test_sets(
+    pub(super) fn test_sets(
         &mut self,
         pair: Pair,
         conditions: &Conditions,
@@ -181,9 +181,7 @@ impl Search<'_, '_> {
         most: Option<usize>,
         side: Option<Side>,
     ) -> Result<bool> {
-        let mut combination: Vec<usize> = (0..size).collect();
-        for _ in 0..most.unwrap_or(usize::MAX) {
-            let chosen: Vec<Node> = combination.iter().map(|&k| conditions.choices[k]).collect();
+        for chosen in combinations(&conditions.choices, size).take(most.unwrap_or(usize::MAX)) {
             let mut z = union(pair, &chosen, &conditions.always);
             if let Some(side) = side {
                 z = self.with_contexts(pair, z, side);
@@ -191,9 +189,6 @@ impl Search<'_, '_> {
             if self.separates(pair, &z)?.is_some() {
                 self.add_separating(pair, z, true);
                 return Ok(true);
-            }
-            if !next_combination(&mut combination, conditions.choices.len()) {
-                break;
             }
         }
         Ok(false)

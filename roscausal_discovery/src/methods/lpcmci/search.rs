@@ -130,16 +130,7 @@ impl<'a, 'b> Search<'a, 'b> {
     }
 
     fn assume(&mut self, x: Node, y: Node, assumption: Assumption) {
-        use Assumption::*;
-        use LinkEnd::{Circle, Head, Tail};
-        let (left, right) = match assumption {
-            Exists | Test => (Tail, Head),
-            ExistsBackward | TestBackward => (Head, Tail),
-            ExistsUnoriented | TestUnoriented => (Circle, Circle),
-            ExistsNotBack | TestNotBack => (Circle, Head),
-            ExistsNotForward | TestNotForward => (Head, Circle),
-            ExistsHidden | TestHidden => (Head, Head),
-        };
+        let Some((left, right)) = assumption.mark().ends() else { return };
         let middle = match assumption {
             certain if certain.exists() => Middle::Final,
             _ if x.lag > 0 && self.settings.max_cond_px == 0 => Middle::Left,

@@ -1,7 +1,10 @@
 //! The sets in which LPCMCI looks for conditions (Gerhardus and Runge 2020, definitions of apds and napds).
 
-use super::{graph::Pair, search::Search};
-use crate::types::{LinkEnd, Node};
+use super::{
+    graph::{Link, Pair},
+    search::Search,
+};
+use crate::types::{LinkEnd, Node, unique};
 
 /// What every test of a pair conditions on, and what further conditions are taken from, the strongest first.
 pub(super) struct Conditions {
@@ -12,15 +15,10 @@ pub(super) struct Conditions {
 impl Search<'_, '_> {
     /// Neighbours in the window with a tail at themselves towards A or B, without both, sorted.
     pub(super) fn parents(&self, a: Node, b: Node) -> Vec<Node> {
-        let mut parents: Vec<Node> = [a, b]
-            .iter()
-            .flat_map(|&end| self.graph.neighbours(end))
-            .filter(|(node, link)| link.left == LinkEnd::Tail && *node != a && *node != b)
-            .map(|(node, _)| node)
-            .collect();
-        parents.sort_unstable();
-        parents.dedup();
-        parents
+        let of_both = [a, b].into_iter().flat_map(|end| self.graph.neighbours(end));
+        let is_parent = |(node, link): &(Node, Link)| link.left == LinkEnd::Tail && *node != a && *node != b;
+        let parents = of_both.filter(is_parent).map(|(node, _)| node).collect();
+        unique(parents)
     }
 
     /// Neighbours of A but B that may cause A: not later, and no head at themselves.
@@ -44,8 +42,7 @@ impl Search<'_, '_> {
         let mut always = self.parents(a, b);
         let known = |node: &&Node| self.is_ancestor(**node, a) || self.is_ancestor(**node, b);
         always.extend(napds.iter().filter(known));
-        always.sort_unstable();
-        always.dedup();
+        let always = unique(always);
         let mut choices: Vec<Node> = napds.into_iter().filter(|node| !always.contains(node)).collect();
         self.strongest_first(a, &mut choices);
         Conditions { always, choices }
@@ -90,9 +87,7 @@ impl Search<'_, '_> {
             }
         }
         found.retain(|node| *node != a && *node != b);
-        found.sort_unstable();
-        found.dedup();
-        found
+        unique(found)
     }
 }
 
@@ -100,7 +95,5 @@ impl Search<'_, '_> {
 pub(super) fn union(pair: Pair, nodes: &[Node], others: &[Node]) -> Vec<Node> {
     let mut all: Vec<Node> = nodes.iter().chain(others).copied().collect();
     all.retain(|node| *node != pair.x && *node != pair.y);
-    all.sort_unstable();
-    all.dedup();
-    all
+    unique(all)
 }

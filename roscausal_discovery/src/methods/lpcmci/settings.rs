@@ -1,6 +1,9 @@
 //! The settings of LPCMCI.
 
-use crate::types::{CondIndTest, DataFrame, Error, LinkAssumptions, Result};
+use crate::{
+    methods::settings::check_order,
+    types::{CondIndTest, DataFrame, Error, LinkAssumptions, Result},
+};
 
 with_defaults! {
     /// Settings of LPCMCI. The defaults are the reference's.
@@ -40,10 +43,7 @@ with_defaults! {
 
 impl LpcmciSettings {
     pub(super) fn check(&self, data: &DataFrame, test: &dyn CondIndTest) -> Result<()> {
-        if self.tau_min > self.tau_max {
-            let reason = format!("{} is larger than tau_max = {}", self.tau_min, self.tau_max);
-            return Err(Error::param("tau_min", reason));
-        }
+        check_order(self.tau_min, self.tau_max)?;
         data.check_length(self.tau_max, self.tau_max.saturating_mul(2))?;
         // A link that is never tested looks certain.
         let numbers_of_sets =
@@ -51,10 +51,9 @@ impl LpcmciSettings {
         if let Some((name, _)) = numbers_of_sets.into_iter().find(|(_, most)| *most == Some(0)) {
             return Err(Error::param(name, "0 tests nothing; give at least 1, or None for all"));
         }
-        let threshold = test.decides_by_value() && self.pc_alpha > 0.0 && self.pc_alpha.is_finite();
-        if !(threshold || self.pc_alpha > 0.0 && self.pc_alpha < 1.0) {
-            return Err(Error::param("pc_alpha", format!("{} is not between 0 and 1", self.pc_alpha)));
-        }
+        let level = self.pc_alpha;
+        let fits = level > 0.0 && (level < 1.0 || test.decides_by_value() && level.is_finite());
+        Error::ensure(fits, "pc_alpha", || format!("{level} is not between 0 and 1"))?;
         if self.contexts.iter().any(|&(variable, context)| variable.max(context) >= data.n_vars()) {
             return Err(Error::param("contexts", "an intervened variable or its context is not a column"));
         }

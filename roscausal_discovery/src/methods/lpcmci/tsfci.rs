@@ -23,11 +23,11 @@ use super::{
     result_of,
     rules::{Rules, apply_rules},
     search::Search,
-    sets::union,
+    sets::Conditions,
 };
 use crate::{
-    methods::{pc_stable::next_combination, result::PcmciResult, run::Run},
-    types::{CondIndTest, Control, DataFrame, LinkAssumptions, LinkEnd, Node, Result, Samples},
+    methods::{result::PcmciResult, run::Run},
+    types::{CondIndTest, Control, DataFrame, LinkAssumptions, LinkEnd, Node, Result, Samples, unique},
 };
 
 with_defaults! {
@@ -159,7 +159,8 @@ impl Search<'_, '_> {
         for (&pair, ends) in pairs.iter().zip(choices) {
             for of_end in ends.iter().filter(|of_end| of_end.len() >= size) {
                 asked = true;
-                if self.some_set_separates(pair, of_end, size)? {
+                let conditions = Conditions { always: Vec::new(), choices: of_end.clone() };
+                if self.test_sets(pair, &conditions, size, None, None)? {
                     going.push(pair);
                     break;
                 }
@@ -167,21 +168,6 @@ impl Search<'_, '_> {
         }
         going.into_iter().for_each(|pair| self.remove(pair));
         Ok(asked)
-    }
-
-    fn some_set_separates(&mut self, pair: Pair, choices: &[Node], size: usize) -> Result<bool> {
-        let mut combination: Vec<usize> = (0..size).collect();
-        loop {
-            let chosen: Vec<Node> = combination.iter().map(|&k| choices[k]).collect();
-            let z = union(pair, &chosen, &[]);
-            if self.separates(pair, &z)?.is_some() {
-                self.add_separating(pair, z, true);
-                return Ok(true);
-            }
-            if !next_combination(&mut combination, choices.len()) {
-                return Ok(false);
-            }
-        }
     }
 
     /// The pairs that are adjacent and not certain.
@@ -217,9 +203,7 @@ impl Search<'_, '_> {
         }
         let mut found: Vec<Node> = visited.into_iter().map(|(_, node)| node).collect();
         found.retain(|node| *node != pair.x && *node != pair.y);
-        found.sort_unstable();
-        found.dedup();
-        found
+        unique(found)
     }
 
     /// Gives every link the marks that it had before any rule, and forgets what rules learnt.

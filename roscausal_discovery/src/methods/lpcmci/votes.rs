@@ -4,8 +4,8 @@ use rustc_hash::FxHashSet;
 
 use super::{graph::Pair, search::Search, sets::union};
 use crate::{
-    methods::pc_stable::next_combination,
-    types::{Node, Result},
+    methods::pc_stable::combinations,
+    types::{Node, Result, add_new},
 };
 
 impl Search<'_, '_> {
@@ -39,9 +39,7 @@ impl Search<'_, '_> {
     fn voting_sets(&mut self, pair: Pair, searched: bool) -> Result<Vec<Vec<Node>>> {
         let mut sets: Vec<Vec<Node>> = Vec::new();
         for set in self.evidence(pair).map_or(&[][..], |evidence| &evidence.separating) {
-            if !sets.contains(&set.nodes) {
-                sets.push(set.nodes.clone());
-            }
+            add_new(&mut sets, set.nodes.clone());
         }
         if !searched {
             return Ok(sets);
@@ -55,15 +53,10 @@ impl Search<'_, '_> {
             let of_cause = a == pair.x && pair.x.lag > 0;
             let most = if of_cause { most.min(self.settings.max_cond_px) } else { most };
             for size in 0..=choices.len().min(most) {
-                let mut combination: Vec<usize> = (0..size).collect();
-                loop {
-                    let chosen: Vec<Node> = combination.iter().map(|&k| choices[k]).collect();
+                for chosen in combinations(&choices, size) {
                     let z = union(pair, &chosen, &parents);
-                    if seen.insert(z.clone()) && self.separates(pair, &z)?.is_some() && !sets.contains(&z) {
-                        sets.push(z);
-                    }
-                    if !next_combination(&mut combination, choices.len()) {
-                        break;
+                    if seen.insert(z.clone()) && self.separates(pair, &z)?.is_some() {
+                        add_new(&mut sets, z);
                     }
                 }
             }

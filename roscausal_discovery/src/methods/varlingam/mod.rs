@@ -115,7 +115,7 @@ pub fn run_varlingam(
     let present = (0..data.n_vars()).map(|var| Node::new(var, 0));
     let nodes: Vec<Node> = present.chain(of_past.causes.iter().copied()).collect();
     let frame = Compressed::new(&nodes.iter().map(|&node| of_past.rows.column(node)).collect::<Vec<_>>());
-    determined(data.var_names(), &frame)?;
+    determined(data, &frame)?;
     let left = of_past.residuals();
     let order = order::causal_order(&left, &settings.exogenous, control)?;
     let model = Model::new(&of_past, (&nodes, &frame), &left, &order.variables, settings);
@@ -169,20 +169,13 @@ fn lags(data: &DataFrame, settings: &VarlingamSettings, control: &Control) -> Re
 }
 
 /// Refuses variables that others determine: no order of them is right.
-fn determined(names: &[String], frame: &Compressed) -> Result<()> {
-    let present: Vec<&[f64]> = (0..names.len()).map(|var| frame.column(var)).collect();
+fn determined(data: &DataFrame, frame: &Compressed) -> Result<()> {
+    let present: Vec<&[f64]> = (0..data.n_vars()).map(|var| frame.column(var)).collect();
     let together = LeastSquares::new(&present, &[], false);
-    let vars: Vec<&str> = (0..names.len())
-        .filter(|&var| together.is_undetermined(var))
-        .map(|var| names[var].as_str())
-        .collect();
-    if vars.is_empty() {
-        return Ok(());
-    }
-    let names = vars.join(", ");
-    Err(Error::Data(format!(
-        "{names} determine each other, so they have no causal order; leave all but one of them out"
-    )))
+    let names = data.listed((0..data.n_vars()).filter(|&var| together.is_undetermined(var)));
+    Error::ensure_data(names.is_empty(), || {
+        format!("{names} determine each other, so they have no causal order; leave all but one of them out")
+    })
 }
 
 /// The regressions that make the model, in the order of the variables.
@@ -312,8 +305,7 @@ impl Model {
         for (cause, effect) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
             if links.graph[[cause, effect, 0]] == LinkMark::Forward {
                 links.graph[[effect, cause, 0]] = LinkMark::Backward;
-                links.val_matrix[[effect, cause, 0]] = links.val_matrix[[cause, effect, 0]];
-                links.p_matrix[[effect, cause, 0]] = links.p_matrix[[cause, effect, 0]];
+                links.copy([cause, effect, 0], [effect, cause, 0]);
             }
         }
         links

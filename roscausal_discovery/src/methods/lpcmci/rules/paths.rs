@@ -10,7 +10,7 @@ use crate::{
     },
     types::{
         LinkEnd::{Circle, Conflict, Head, Tail},
-        Node, Result,
+        Node, Result, unique,
     },
 };
 
@@ -43,9 +43,7 @@ pub(super) fn r4(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Propo
             }
         }
     }
-    found.sort_unstable();
-    found.dedup();
-    for (end, w, v, y) in found {
+    for (end, w, v, y) in unique(found) {
         if search.separates_with(v, end, y)? {
             if may_orient(v, y, only_lagged) {
                 proposals.tail(v, y);
@@ -150,8 +148,7 @@ pub(super) fn r10(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Prop
                 }
             }
         }
-        seconds.sort_unstable();
-        seconds.dedup();
+        let seconds = unique(seconds);
         for (k, &m) in seconds.iter().enumerate() {
             for &n in &seconds[k + 1..] {
                 if !search.graph.adjacent(m, n) && search.separates_with(a, m, n)? {
