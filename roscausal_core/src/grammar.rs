@@ -87,6 +87,19 @@ pub(crate) fn wrap(angle: f64) -> f64 {
     angle.sin().atan2(angle.cos())
 }
 
+/// The definitions in a list that may have been cut at commas: an item that does not begin one continues the one before. Those in one
+/// item are separated by `;`.
+pub(crate) fn rejoined(items: &[String], begins: impl Fn(&str) -> bool) -> Vec<String> {
+    let mut texts: Vec<String> = Vec::new();
+    for item in items.iter().flat_map(|item| item.split(';')).filter(|item| !item.trim().is_empty()) {
+        match texts.last_mut() {
+            Some(open) if !begins(item) => *open = format!("{open},{item}"),
+            _ => texts.push(item.to_owned()),
+        }
+    }
+    texts
+}
+
 /// Units of a number, in SI units.
 const UNITS: [(&str, f64); 16] = [
     ("deg", std::f64::consts::PI / 180.0),
