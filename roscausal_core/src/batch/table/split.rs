@@ -67,15 +67,11 @@ impl Table {
             Ok((format!("{column} {key}"), Self { names, values, time, notes: Vec::new() }))
         };
         let mut parts = rows.into_iter().map(part).collect::<Result<Vec<_>, _>>()?;
-        match parts.first_mut() {
-            Some((_, first)) => first.notes = self.notes,
-            None => {
-                return Err(format!(
-                    "column '{column}' has no value; {} needs one in each row",
-                    Named("recording")
-                ));
-            }
-        }
+        let Some((_, first)) = parts.first_mut() else {
+            let recording = Named("recording");
+            return Err(format!("column '{column}' has no value; {recording} needs one in each row"));
+        };
+        first.notes = self.notes;
         Ok(parts)
     }
 }
