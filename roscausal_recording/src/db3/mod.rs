@@ -78,12 +78,9 @@ impl Db3 {
 
     fn read_topics(&mut self) -> rusqlite::Result<()> {
         // Later versions of the format have more columns. A missing column is not a fault.
-        let columns = self.columns("topics")?;
-        let profiles = if columns.iter().any(|column| column == "offered_qos_profiles") {
-            "offered_qos_profiles"
-        } else {
-            "''"
-        };
+        let profiles = "offered_qos_profiles";
+        let has_profiles = self.columns("topics")?.iter().any(|column| column == profiles);
+        let profiles = if has_profiles { profiles } else { "''" };
         let sql = format!("SELECT id, name, type, serialization_format, {profiles} FROM topics ORDER BY id");
         let mut statement = self.database.prepare(&sql)?;
         let topic = |row: &Row<'_>| {
@@ -228,10 +225,9 @@ impl Db3 {
         let mut damaged = self.damaged.take()?;
         for message in page.iter().filter_map(|(_, row)| damaged.messages.get(row)) {
             let Some(topic) = self.wanted(message.topic, wanted) else { continue };
+            let stamp = Time::from_nanos(message.stamp);
             match damaged.pages.data(message.place) {
-                Ok(bytes) => {
-                    out.push(Record { topic, lap: 0, stamp: Time::from_nanos(message.stamp), bytes })
-                }
+                Ok(bytes) => out.push(Record { topic, lap: 0, stamp, bytes }),
                 Err(error) => count(&mut lost, &error),
             }
         }
