@@ -39,16 +39,12 @@ pub(crate) fn serve(inner: &Arc<Inner>) -> Result<()> {
         let (names, prefixes) = node.parameters.list(&request.prefixes, request.depth);
         ListParametersResponse { result: ListParametersResult { names, prefixes } }
     })?;
-    answer(
-        inner,
-        "describe_parameters",
-        "DescribeParameters",
-        |node, request: DescribeParametersRequest| {
-            let described =
-                |name: &String| descriptor(name, node.parameters.get(name), node.parameters.spec(name));
-            DescribeParametersResponse { values: request.names.iter().map(described).collect() }
-        },
-    )?;
+    let (name, kind) = ("describe_parameters", "DescribeParameters");
+    answer(inner, name, kind, |node, request: DescribeParametersRequest| {
+        let described =
+            |name: &String| descriptor(name, node.parameters.get(name), node.parameters.spec(name));
+        DescribeParametersResponse { values: request.names.iter().map(described).collect() }
+    })?;
     answer(inner, "set_parameters", "SetParameters", |node, request: SetParametersRequest| {
         let changes = from_wire(request).into_iter();
         SetParametersResponse { results: changes.map(|change| set(node, vec![change])).collect() }
