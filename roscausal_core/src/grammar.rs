@@ -45,8 +45,7 @@ impl Operator {
 
     /// Its result; a comparison is 1 or 0, and NaN where a side is missing.
     pub(crate) fn of(self, a: f64, b: f64) -> f64 {
-        let truth =
-            |is_so: bool| if a.is_nan() || b.is_nan() { f64::NAN } else { f64::from(u8::from(is_so)) };
+        let truth = |is_so: bool| if a.is_nan() || b.is_nan() { f64::NAN } else { f64::from(is_so) };
         match self {
             Self::Plus => a + b,
             Self::Minus => a - b,

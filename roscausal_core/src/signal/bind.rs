@@ -304,7 +304,7 @@ impl Part {
             }
             Self::Binary(operator, a, b) if is_text(a) => {
                 let same = a.text(scope)? == b.text(scope)?;
-                f64::from(u8::from(same == (*operator == Operator::Equal)))
+                f64::from(same == (*operator == Operator::Equal))
             }
             Self::Binary(operator, a, b) => operator.of(a.value(scope, memories)?, b.value(scope, memories)?),
         })

@@ -51,16 +51,8 @@ impl Db3 {
         let fail = |error: rusqlite::Error| Error::file(path, format!("no recording of ROS 2: {error}"));
         let missing = missing_bytes(path).map_err(|error| Error::file(path, error))?;
         let database = connect(path, missing.is_some()).map_err(fail)?;
-        let mut this = Self {
-            path: path.to_owned(),
-            database,
-            topics: Topics::default(),
-            numbers: HashMap::new(),
-            order: Vec::new(),
-            next: 0,
-            laps: Vec::new(),
-            damaged: None,
-        };
+        let (topics, numbers, order, next, laps, damaged) = Default::default();
+        let mut this = Self { path: path.to_owned(), database, topics, numbers, order, next, laps, damaged };
         this.read_topics().map_err(fail)?;
         let reason = match missing {
             Some(missing) => Some(format!("{missing} bytes at its end are missing")),

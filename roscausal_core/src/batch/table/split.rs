@@ -38,7 +38,7 @@ impl Table {
                 let mut number = 1.0;
                 let begins = |row: usize| row > 0 && time[row] < time[row - 1];
                 let number = |row| {
-                    number += f64::from(u8::from(begins(row)));
+                    number += f64::from(begins(row));
                     number
                 };
                 (0..time.len()).map(number).collect()

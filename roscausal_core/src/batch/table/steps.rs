@@ -231,7 +231,7 @@ impl Jitter {
         for off in steps.map(|step| step / median - 1.0) {
             n += 1.0;
             squares += off * off;
-            uneven += f64::from(u8::from(off.abs() > UNEVEN));
+            uneven += f64::from(off.abs() > UNEVEN);
         }
         let n = f64::max(n, 1.0);
         Self { deviation: (squares / n).sqrt(), uneven: uneven / n }
