@@ -45,8 +45,7 @@ impl Operator {
 
     /// Its result; a comparison is 1 or 0, and NaN where a side is missing.
     pub(crate) fn of(self, a: f64, b: f64) -> f64 {
-        let truth =
-            |is_so: bool| if a.is_nan() || b.is_nan() { f64::NAN } else { f64::from(u8::from(is_so)) };
+        let truth = |is_so: bool| if a.is_nan() || b.is_nan() { f64::NAN } else { f64::from(is_so) };
         match self {
             Self::Plus => a + b,
             Self::Minus => a - b,
@@ -85,6 +84,19 @@ pub(crate) const FUNCTIONS: [Named; 12] = [
 /// The angle between -pi and pi.
 pub(crate) fn wrap(angle: f64) -> f64 {
     angle.sin().atan2(angle.cos())
+}
+
+/// The definitions in a list that may have been cut at commas: an item that does not begin one continues the one before. Those in one
+/// item are separated by `;`.
+pub(crate) fn rejoined(items: &[String], begins: impl Fn(&str) -> bool) -> Vec<String> {
+    let mut texts: Vec<String> = Vec::new();
+    for item in items.iter().flat_map(|item| item.split(';')).filter(|item| !item.trim().is_empty()) {
+        match texts.last_mut() {
+            Some(open) if !begins(item) => *open = format!("{open},{item}"),
+            _ => texts.push(item.to_owned()),
+        }
+    }
+    texts
 }
 
 /// Units of a number, in SI units.

@@ -80,10 +80,6 @@ impl<E> Shared<E> {
     fn lock(&self) -> MutexGuard<'_, State<E>> {
         lock(&self.state)
     }
-
-    fn wait<'a>(&self, state: MutexGuard<'a, State<E>>, at_most: Duration) -> MutexGuard<'a, State<E>> {
-        wait(&self.changed, state, at_most)
-    }
 }
 
 impl<E: Send + 'static> Inbox<E> {
@@ -152,7 +148,7 @@ impl<E: Send + 'static> Inbox<E> {
                     let left = deadline.map_or(LOOK_AGAIN, |deadline| {
                         Duration::from_secs_f64(deadline.secs_since(now).clamp(0.0, LOOK_AGAIN.as_secs_f64()))
                     });
-                    drop(self.shared.wait(state, left.max(LOOK_SOON)));
+                    drop(wait(&self.shared.changed, state, left.max(LOOK_SOON)));
                 }
             }
         }
@@ -254,15 +250,13 @@ impl<E: Send> Consumer for Shared<E> {
             return;
         }
         let mut state = self.lock();
-        if state.granted.is_some() {
-            state.granted = Some(now);
-        }
+        state.granted = state.granted.and(Some(now));
         if state.reader == thread::current().id() {
             return;
         }
         while state.open && state.waiting_for.is_none_or(|deadline| deadline <= now) {
             self.changed.notify_all();
-            state = self.wait(state, LOOK_AGAIN);
+            state = wait(&self.changed, state, LOOK_AGAIN);
         }
     }
 
@@ -271,9 +265,7 @@ impl<E: Send> Consumer for Shared<E> {
             return true;
         }
         let mut state = self.lock();
-        if state.granted.is_some() {
-            state.granted = Some(now);
-        }
+        state.granted = state.granted.and(Some(now));
         !state.open || state.waiting_for.is_some_and(|deadline| deadline > now)
     }
 

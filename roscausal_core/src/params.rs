@@ -74,13 +74,8 @@ macro_rules! param_specs {
 
 impl ParamSpec {
     /// A specification. The nodes keep them in static tables.
-    pub const fn new(
-        name: &'static str,
-        default: Value,
-        allowed: Allowed,
-        description: &'static str,
-    ) -> Self {
-        Self { name, default, description, allowed, of_data: false, live: false }
+    pub const fn new(name: &'static str, value: Value, allowed: Allowed, description: &'static str) -> Self {
+        Self { name, default: value, description, allowed, of_data: false, live: false }
     }
 
     /// The same for a parameter that settings that come with data may set ([`ParamSpec::of_data`]).
@@ -137,13 +132,10 @@ impl ParamSpec {
             }
             (Value::Str(_), value) => Value::Str(value.to_string()),
             (Value::List(_), Value::List(_)) => value,
-            (Value::List(_), Value::Str(text)) => Value::List(
-                text.split(',')
-                    .map(str::trim)
-                    .filter(|t| !t.is_empty())
-                    .map(|t| Value::Str(t.to_owned()))
-                    .collect(),
-            ),
+            (Value::List(_), Value::Str(text)) => {
+                let items = text.split(',').map(str::trim).filter(|item| !item.is_empty());
+                Value::List(items.map(|item| Value::Str(item.to_owned())).collect())
+            }
             (Value::List(_), _) => return Err(fault("a list")),
         };
         match &self.allowed {

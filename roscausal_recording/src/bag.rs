@@ -56,7 +56,7 @@ impl Bag {
         let mut found = 0;
         while self.0.file.left() > 0 {
             let header = self.header()?;
-            let data = self.data()?;
+            let data = self.block()?;
             match header.op() {
                 Some(op::CONNECTION) => {
                     self.add_connection(&header, &data)?;
@@ -135,7 +135,7 @@ impl Bag {
                     }
                 }
                 Some(op::CONNECTION) => {
-                    let data = self.data()?;
+                    let data = self.block()?;
                     self.add_connection(&header, &data)?;
                 }
                 Some(_) => {
@@ -265,10 +265,6 @@ impl Bag {
     fn header(&mut self) -> Parsed<Fields<Vec<u8>>> {
         self.block().map(Fields)
     }
-
-    fn data(&mut self) -> Parsed<Vec<u8>> {
-        self.block()
-    }
 }
 
 impl Format for Bag {
@@ -327,10 +323,8 @@ fn is_chunk(bytes: &[u8]) -> bool {
 
 fn block<'a>(content: &mut &'a [u8]) -> Parsed<&'a [u8]> {
     let cut = || "it is cut within a record".to_owned();
-    let (length, rest) = content.split_at_checked(4).ok_or_else(cut)?;
-    let (block, rest) = rest.split_at_checked(u32_le(length) as usize).ok_or_else(cut)?;
-    *content = rest;
-    Ok(block)
+    let length = content.split_off(..4).ok_or_else(cut)?;
+    content.split_off(..u32_le(length) as usize).ok_or_else(cut)
 }
 
 fn u32_le(bytes: &[u8]) -> u32 {

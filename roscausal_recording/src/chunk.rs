@@ -22,8 +22,7 @@ impl<'a> Chunk<'a> {
     pub(crate) fn parse(body: &'a [u8]) -> Parsed<Self> {
         let mut rest = body;
         let mut number = |size: usize| {
-            let (bytes, left) = rest.split_at_checked(size).ok_or("its header is cut short")?;
-            rest = left;
+            let bytes = rest.split_off(..size).ok_or("its header is cut short")?;
             Ok::<_, String>(bytes.iter().rev().fold(0, |value, byte| value << 8 | u64::from(*byte)))
         };
         let (_start, _end, size, crc) = (number(8)?, number(8)?, number(8)?, number(4)? as u32);

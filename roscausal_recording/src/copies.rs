@@ -73,11 +73,10 @@ fn compare(first: &Path, second: &Path) -> Option<Copy> {
         counted[0] += ours.len() as u64;
         counted[1] += theirs.len() as u64;
         shared += shared_of(&a.topics, &ours, &b.topics, theirs);
-        if a.next_stamp().is_some() && b.next_stamp().is_some() && counted[0].min(counted[1]) > SOON {
-            let least = counted[0].min(counted[1]) as f64;
-            if (shared as f64) < 0.5 * least {
-                return None;
-            }
+        let least = counted[0].min(counted[1]);
+        let both_go_on = a.next_stamp().is_some() && b.next_stamp().is_some();
+        if both_go_on && least > SOON && (shared as f64) < 0.5 * least as f64 {
+            return None;
         }
     }
     if (shared as f64) < SAME * counted[0].min(counted[1]) as f64 || shared == 0 {

@@ -61,7 +61,7 @@ pub fn is_named_so(path: &Path) -> bool {
     EXTENSIONS.iter().any(|known| has_ending(&path, known))
 }
 
-fn has_ending(path: &Path, ending: &str) -> bool {
+pub(crate) fn has_ending(path: &Path, ending: &str) -> bool {
     path.extension().is_some_and(|extension| extension == ending)
 }
 
@@ -79,7 +79,8 @@ pub fn folders_in(folder: &Path) -> Vec<PathBuf> {
     sorted(folder, |path| path.is_dir() && !recordings_in(path).is_empty())
 }
 
-fn sorted(folder: &Path, is_one: impl Fn(&PathBuf) -> bool) -> Vec<PathBuf> {
+/// What such paths there are in a folder, in the order of their names.
+pub(crate) fn sorted(folder: &Path, is_one: impl Fn(&PathBuf) -> bool) -> Vec<PathBuf> {
     let entries = folder.read_dir().into_iter().flatten().flatten();
     let mut paths: Vec<_> = entries.map(|entry| entry.path()).filter(is_one).collect();
     paths.sort();

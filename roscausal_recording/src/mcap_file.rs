@@ -93,14 +93,11 @@ impl McapFile {
 
     /// Whether there are messages that no chunk of the summary holds: in the data section, outside the chunks and their indexes.
     fn has_more(&mut self, summary: &Summary) -> bool {
-        let mut chunks: Vec<(u64, u64)> = summary
-            .chunks
-            .iter()
-            .map(|index| {
-                let end = index.chunk_start_offset.saturating_add(index.chunk_length);
-                (index.chunk_start_offset, end.saturating_add(index.message_index_length))
-            })
-            .collect();
+        let place = |index: &ChunkIndex| {
+            let end = index.chunk_start_offset.saturating_add(index.chunk_length);
+            (index.chunk_start_offset, end.saturating_add(index.message_index_length))
+        };
+        let mut chunks: Vec<(u64, u64)> = summary.chunks.iter().map(place).collect();
         chunks.sort_unstable();
         let mut chunks = chunks.into_iter().peekable();
         let mut at = mcap::MAGIC.len() as u64;
@@ -228,14 +225,8 @@ impl McapFile {
         });
         let cut = !whole || fault.is_err();
         if let Some((start, end)) = span.0 {
-            scan.pieces.push(Piece {
-                offset,
-                length: length.saturating_add(RECORD_HEADER),
-                start,
-                end,
-                cut,
-                lap: 0,
-            });
+            let length = length.saturating_add(RECORD_HEADER);
+            scan.pieces.push(Piece { offset, length, start, end, cut, lap: 0 });
         }
         if let (true, Err(fault)) = (whole, fault) {
             scan.faults.push(format!("the chunk at byte {offset}: {fault}"));

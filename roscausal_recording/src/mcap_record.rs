@@ -46,18 +46,11 @@ pub(crate) fn parse(opcode: u8, body: &[u8]) -> Parsed<Record<'_>> {
 
 fn lengths_hold(parts: &[Part], mut rest: &[u8]) -> bool {
     parts.iter().all(|part| match *part {
-        Part::Bytes(size) => rest.split_at_checked(size).is_some_and(|(_, left)| {
-            rest = left;
-            true
-        }),
+        Part::Bytes(size) => rest.split_off(..size).is_some(),
         Part::Sized => sized(&mut rest).is_some(),
         Part::Strings => sized(&mut rest).is_some_and(|mut strings| {
-            while !strings.is_empty() {
-                if sized(&mut strings).is_none() {
-                    return false;
-                }
-            }
-            true
+            while sized(&mut strings).is_some() {}
+            strings.is_empty()
         }),
     })
 }

@@ -10,7 +10,7 @@ use roscausal_core::bounded;
 use serde_norway::Value;
 
 use crate::{
-    packed::unpacked_name,
+    packed::{ENDINGS, unpacked_name},
     topic::{Topic, type_name},
 };
 
@@ -58,16 +58,11 @@ impl Metadata {
             let file = self.path.with_file_name(name);
             file.exists()
                 || unpacked_name(&file).is_some_and(|plain| plain.exists())
-                || ["zstd", "zst"]
-                    .iter()
-                    .any(|ending| file.with_file_name(format!("{name}.{ending}")).exists())
+                || ENDINGS.iter().any(|ending| file.with_file_name(format!("{name}.{ending}")).exists())
         };
-        let sentence = |name: &String| {
-            format!(
-                "{}: {name}, a part of the recording, is missing; its messages are left out",
-                self.path.display()
-            )
-        };
+        let path = self.path.display();
+        let is_missing = "a part of the recording, is missing; its messages are left out";
+        let sentence = |name: &String| format!("{path}: {name}, {is_missing}");
         self.files.iter().filter(|name| !there(name)).map(sentence).collect()
     }
 

@@ -20,7 +20,7 @@ use crate::{
 /// First bytes of data that Zstandard compressed.
 pub(crate) const MAGIC: &[u8] = b"\x28\xb5\x2f\xfd";
 /// Endings of the names of compressed files.
-const ENDINGS: [&str; 2] = ["zstd", "zst"];
+pub(crate) const ENDINGS: [&str; 2] = ["zstd", "zst"];
 
 /// A compressed file, unpacked into a temporary one.
 pub(crate) struct Unpacked {

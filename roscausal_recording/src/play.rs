@@ -50,17 +50,13 @@ impl Player {
     ) -> Result<Self> {
         let (mut publish, mut skipped) = (Vec::new(), Vec::new());
         for topic in recording.topics() {
-            if !wanted(topic) {
-                publish.push(None);
-                continue;
+            let is_wanted = wanted(topic);
+            let known = topic.known_type().filter(|_| is_wanted);
+            let publisher = known.and_then(|known| visit(known, Advertise { mw, topic })).transpose()?;
+            if is_wanted && publisher.is_none() {
+                skipped.push(format!("{} ({})", topic.name, topic.type_name));
             }
-            match topic.known_type().and_then(|known| visit(known, Advertise { mw, topic })) {
-                Some(publisher) => publish.push(Some(publisher?)),
-                None => {
-                    skipped.push(format!("{} ({})", topic.name, topic.type_name));
-                    publish.push(None);
-                }
-            }
+            publish.push(publisher);
         }
         Ok(Self { publish, skipped })
     }

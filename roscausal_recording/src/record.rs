@@ -80,14 +80,11 @@ impl<M: Middleware> Recorder<M> {
     /// The first error of writing, at which the recording ended.
     pub fn finish(self) -> Result<u64> {
         drop(self.subscriptions);
-        let (writer, error) = {
-            let mut written = lock(&self.written);
-            (written.writer.take(), written.error.take())
-        };
-        if let Some(error) = error {
+        let mut written = lock(&self.written);
+        if let Some(error) = written.error.take() {
             return Err(error);
         }
-        let Some(writer) = writer else { return Ok(0) };
+        let Some(writer) = written.writer.take() else { return Ok(0) };
         let messages = writer.messages();
         writer.finish().map(|()| messages)
     }

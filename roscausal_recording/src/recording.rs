@@ -1,8 +1,7 @@
 //! A recording of any format, as an iterator over its messages.
 
 use std::{
-    cmp::Reverse,
-    collections::BinaryHeap,
+    collections::BTreeMap,
     path::{Path, PathBuf},
 };
 
@@ -29,8 +28,8 @@ pub struct Recording {
     lap: u32,
     /// How many messages of each topic were found.
     found: Vec<u64>,
-    /// Messages that were read but not returned yet, earliest first.
-    waiting: BinaryHeap<Reverse<Waiting>>,
+    /// Messages that were read but not returned yet, by lap, recording time, and how many were read before them.
+    waiting: BTreeMap<(u32, Time, u64), Record>,
     count: u64,
     losses: Vec<String>,
     /// Whether a message that cannot be unpacked was told.
@@ -44,31 +43,6 @@ pub struct Recording {
     told_full: bool,
 }
 
-struct Waiting {
-    order: (u32, Time, u64),
-    record: Record,
-}
-
-impl PartialEq for Waiting {
-    fn eq(&self, other: &Self) -> bool {
-        self.order == other.order
-    }
-}
-
-impl Eq for Waiting {}
-
-impl PartialOrd for Waiting {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Waiting {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.order.cmp(&other.order)
-    }
-}
-
 impl Recording {
     /// The recording of this source; `losses` are what could not be read of it so far.
     pub(crate) fn of(path: &Path, source: Box<dyn Source>, losses: Vec<String>) -> Self {
@@ -80,7 +54,7 @@ impl Recording {
             lap: 0,
             found: vec![0; wanted.len()],
             wanted,
-            waiting: BinaryHeap::new(),
+            waiting: BTreeMap::new(),
             count: 0,
             losses,
             told_packed: false,
@@ -186,16 +160,11 @@ impl Recording {
     /// Compares what was found with what the recording says that it holds; once, at its end.
     fn compare_counts(&mut self) {
         let counts = self.source.counts().into_iter().zip(std::mem::take(&mut self.found)).zip(&self.wanted);
-        let lost: Vec<String> = self
-            .source
-            .topics()
-            .iter()
-            .zip(counts)
-            .filter_map(|(topic, ((count, found), wanted))| {
-                let count = count.filter(|count| *wanted && *count > found)?;
-                Some(format!("{} of {count} of {}", count - found, topic.name))
-            })
-            .collect();
+        let lost = self.source.topics().iter().zip(counts).filter_map(|(topic, ((count, found), wanted))| {
+            let count = count.filter(|count| *wanted && *count > found)?;
+            Some(format!("{} of {count} of {}", count - found, topic.name))
+        });
+        let lost: Vec<String> = lost.collect();
         if !lost.is_empty() {
             let path = self.path.display();
             self.losses
@@ -215,15 +184,13 @@ impl Iterator for Recording {
     fn next(&mut self) -> Option<Record> {
         loop {
             let next_start = self.source.next_start();
-            let here = self.waiting.peek().map(|Reverse(first)| first.order.0);
-            let lap = here.into_iter().chain(next_start.map(|(lap, _)| lap)).min();
+            let here = self.waiting.first_key_value().map(|((lap, stamp, _), _)| (*lap, *stamp));
+            let lap = here.into_iter().chain(next_start).map(|(lap, _)| lap).min();
             if self.by_lap && lap.is_some_and(|lap| lap > self.lap) {
                 return None;
             }
-            if let Some(Reverse(first)) = self.waiting.peek()
-                && next_start.is_none_or(|start| (first.order.0, first.order.1) <= start)
-            {
-                let Reverse(Waiting { record, .. }) = self.waiting.pop()?;
+            if here.is_some_and(|here| next_start.is_none_or(|start| here <= start)) {
+                let (_, record) = self.waiting.pop_first()?;
                 self.held -= record.size();
                 match self.unpack(record) {
                     Some(record) => return Some(record),
@@ -253,7 +220,7 @@ impl Iterator for Recording {
                 }
                 self.held += record.size();
                 self.count += 1;
-                self.waiting.push(Reverse(Waiting { order: (record.lap, record.stamp, self.count), record }));
+                self.waiting.insert((record.lap, record.stamp, self.count), record);
             }
         }
     }

@@ -11,7 +11,10 @@ use std::{
 
 use mcap::records::{Metadata, Record, op};
 
-use crate::mcap_record::parse;
+use crate::{
+    folder::{has_ending, sorted},
+    mcap_record::parse,
+};
 
 /// Name of the record.
 pub(crate) const NAME: &str = "roscausal";
@@ -31,11 +34,8 @@ pub fn settings(path: impl AsRef<Path>) -> BTreeMap<String, String> {
         // A file that cannot be read is reported by whoever reads its messages.
         return of_file(path).ok().flatten().unwrap_or_default();
     }
-    let mut files: Vec<_> =
-        path.read_dir().into_iter().flatten().flatten().map(|entry| entry.path()).collect();
     // A pipe or a device would never end.
-    files.retain(|file| file.extension().is_some_and(|extension| extension == "mcap") && file.is_file());
-    files.sort();
+    let files = sorted(path, |file| has_ending(file, "mcap") && file.is_file());
     files.iter().find_map(|file| of_file(file).ok().flatten()).unwrap_or_default()
 }
 
@@ -94,9 +94,8 @@ fn search(file: &mut File, end: Option<u64>) -> Result<Option<BTreeMap<String, S
                 }
             }
             _ => {
-                let Some(next) = at.checked_add(9).and_then(|body| body.checked_add(length)) else {
-                    return Ok(None);
-                };
+                let next = at.checked_add(9).and_then(|body| body.checked_add(length));
+                let Some(next) = next else { return Ok(None) };
                 file.seek(SeekFrom::Start(next))?;
             }
         }

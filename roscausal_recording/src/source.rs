@@ -128,21 +128,9 @@ impl Contents {
     /// A file before anything is known about it.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let file = Bytes::open(path).map_err(|error| Error::file(path, error))?;
-        let (topics, numbers, pieces) = (Topics::default(), HashMap::new(), Pieces::default());
-        let unread = file.length;
-        let (laps, numbered, growth) = (Laps::default(), HashMap::new(), Growth::default());
-        Ok(Self {
-            path: path.to_owned(),
-            file,
-            topics,
-            numbers,
-            pieces,
-            laps,
-            numbered,
-            number: 0,
-            growth,
-            unread,
-        })
+        let (path, unread) = (path.to_owned(), file.length);
+        let (topics, numbers, pieces, laps, numbered, growth) = Default::default();
+        Ok(Self { path, file, topics, numbers, pieces, laps, numbered, number: 0, growth, unread })
     }
 
     /// Keeps the pieces; reading them begins.

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use ros2_client::{
-    Message,
     builtin_interfaces::Time,
     parameters::raw,
     rcl_interfaces::{
@@ -18,6 +17,7 @@ use roscausal_ros::lock;
 use tracing::warn;
 
 use crate::{
+    dds::Content,
     inner::Inner,
     wire::{descriptor, from_wire, to_wire},
 };
@@ -39,16 +39,12 @@ pub(crate) fn serve(inner: &Arc<Inner>) -> Result<()> {
         let (names, prefixes) = node.parameters.list(&request.prefixes, request.depth);
         ListParametersResponse { result: ListParametersResult { names, prefixes } }
     })?;
-    answer(
-        inner,
-        "describe_parameters",
-        "DescribeParameters",
-        |node, request: DescribeParametersRequest| {
-            let described =
-                |name: &String| descriptor(name, node.parameters.get(name), node.parameters.spec(name));
-            DescribeParametersResponse { values: request.names.iter().map(described).collect() }
-        },
-    )?;
+    let (name, kind) = ("describe_parameters", "DescribeParameters");
+    answer(inner, name, kind, |node, request: DescribeParametersRequest| {
+        let described =
+            |name: &String| descriptor(name, node.parameters.get(name), node.parameters.spec(name));
+        DescribeParametersResponse { values: request.names.iter().map(described).collect() }
+    })?;
     answer(inner, "set_parameters", "SetParameters", |node, request: SetParametersRequest| {
         let changes = from_wire(request).into_iter();
         SetParametersResponse { results: changes.map(|change| set(node, vec![change])).collect() }
@@ -91,16 +87,12 @@ fn set(node: &Arc<Inner>, changes: Vec<(String, Option<Value>)>) -> raw::SetPara
 }
 
 /// Offers one service and answers its requests for as long as the node lives.
-fn answer<Req, Resp>(
+fn answer<Req: Content, Resp: Content>(
     inner: &Arc<Inner>,
     name: &str,
     kind: &str,
     handle: impl Fn(&Arc<Inner>, Req) -> Resp + Send + 'static,
-) -> Result<()>
-where
-    Req: Message + Clone + Send + 'static,
-    Resp: Message + Clone + Send + 'static,
-{
+) -> Result<()> {
     let node = Arc::downgrade(inner);
     inner.participant.serve_at_once(name, kind, move |request| Some(handle(&node.upgrade()?, request)))
 }

@@ -56,6 +56,8 @@ const LONGEST_LAG: usize = 1_000_000;
 
 /// Deepest nesting of `diff` and `rate`: each one doubles the work of a row.
 const DEEPEST_CHANGE: usize = 8;
+/// A point that is not known.
+const NOWHERE: (f64, f64) = (f64::NAN, f64::NAN);
 /// Longest expression in bytes: each `+` adds a level to the recursive evaluation.
 const LONGEST: usize = 2000;
 
@@ -65,18 +67,28 @@ pub struct Expression {
     root: Node,
 }
 
-/// What an expression is evaluated on: one row of a batch or a table.
+/// What an expression is evaluated on: one row of a batch or a table. What it does not say is not known.
 pub trait Moment: Sized {
     /// Seconds.
-    fn time(&self) -> f64;
+    fn time(&self) -> f64 {
+        f64::NAN
+    }
     /// What is known of a body.
-    fn body(&self, who: Who) -> &Values;
+    fn body(&self, _who: Who) -> &Values {
+        &Values::UNKNOWN
+    }
     /// The risk that the first body collides with the second.
-    fn risk(&self, a: Who, b: Who) -> f64;
+    fn risk(&self, _a: Who, _b: Who) -> f64 {
+        f64::NAN
+    }
     /// The value of a column of a table.
-    fn cell(&self, column: usize) -> f64;
+    fn cell(&self, _column: usize) -> f64 {
+        f64::NAN
+    }
     /// The row that lies this many rows earlier, if there is one.
-    fn earlier(&self, rows: usize) -> Option<Self>;
+    fn earlier(&self, _rows: usize) -> Option<Self> {
+        None
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -157,11 +169,9 @@ impl Expression {
     }
 
     fn with_names(text: &str, names: &mut Names<'_>) -> Result<Self, String> {
-        if text.len() > LONGEST {
-            return Err(format!(
-                "an expression of {} characters is too long; allowed: {LONGEST}",
-                text.len()
-            ));
+        let length = text.len();
+        if length > LONGEST {
+            return Err(format!("an expression of {length} characters is too long; allowed: {LONGEST}"));
         }
         let mut scanner = Scanner::new(text);
         let parsed = names.expression(&mut scanner).and_then(|root| {
@@ -174,12 +184,10 @@ impl Expression {
                 "'{text}' has more than {DEEPEST_CHANGE} diff() and rate() within each other"
             ));
         }
-        match root.kind()? {
-            Kind::Number => Ok(Self { root }),
-            Kind::Point => {
-                Err(format!("'{text}' is a point, not a number; try dist(...), norm(...) or speed(h)"))
-            }
+        if root.kind()? == Kind::Point {
+            return Err(format!("'{text}' is a point, not a number; try dist(...), norm(...) or speed(h)"));
         }
+        Ok(Self { root })
     }
 
     /// Whether it needs to know what time it is.
@@ -193,14 +201,11 @@ impl Expression {
 
     /// Whether it uses anything of a person.
     pub fn mentions_human(&self) -> bool {
-        self.root.any(&|node| {
-            matches!(
-                node,
-                Node::Field(Who::Human, _)
-                    | Node::Place(Who::Human)
-                    | Node::Goal(Who::Human)
-                    | Node::Velocity(Who::Human)
-            )
+        self.root.any(&|node| match node {
+            Node::Field(who, _) | Node::Place(who) | Node::Goal(who) | Node::Velocity(who) => {
+                *who == Who::Human
+            }
+            _ => false,
         })
     }
 
@@ -231,9 +236,7 @@ impl Node {
             Self::Call(number, arguments) => {
                 let (name, _, function) = function(*number);
                 let (kind, wanted) = match function {
-                    Function::Difference => {
-                        return arguments.first().map_or(Ok(Kind::Number), Self::kind);
-                    }
+                    Function::Difference => return arguments.first().map_or(Ok(Kind::Number), Self::kind),
                     Function::Number(_) | Function::Pair(_) | Function::Rate => (Kind::Number, "numbers"),
                     Function::Speed | Function::Risk => {
                         let bodies = arguments.iter().all(|node| matches!(node, Self::Place(_)));
@@ -251,28 +254,26 @@ impl Node {
         }
     }
 
+    /// The nodes right below this one.
+    fn below(&self) -> Vec<&Self> {
+        match self {
+            Self::Negative(inner) | Self::Lagged(inner, _) => vec![inner.as_ref()],
+            Self::Binary(_, a, b) | Self::Pair(a, b) => vec![a.as_ref(), b.as_ref()],
+            Self::Call(_, arguments) => arguments.iter().collect(),
+            _ => Vec::new(),
+        }
+    }
+
     /// Whether this node or any within it is such.
     fn any(&self, such: &dyn Fn(&Self) -> bool) -> bool {
-        such(self)
-            || match self {
-                Self::Negative(inner) | Self::Lagged(inner, _) => inner.any(such),
-                Self::Binary(_, a, b) | Self::Pair(a, b) => a.any(such) || b.any(such),
-                Self::Call(_, arguments) => arguments.iter().any(|argument| argument.any(such)),
-                _ => false,
-            }
+        such(self) || self.below().into_iter().any(|node| node.any(such))
     }
 
     /// How deep `diff` and `rate` are nested.
     fn changes(&self) -> usize {
-        match self {
-            Self::Negative(inner) | Self::Lagged(inner, _) => inner.changes(),
-            Self::Binary(_, a, b) | Self::Pair(a, b) => a.changes().max(b.changes()),
-            Self::Call(number, arguments) => {
-                let own = matches!(function(*number).2, Function::Difference | Function::Rate);
-                usize::from(own) + arguments.iter().map(Self::changes).max().unwrap_or(0)
-            }
-            _ => 0,
-        }
+        let is_change = |number: usize| matches!(function(number).2, Function::Difference | Function::Rate);
+        let own = matches!(self, Self::Call(number, _) if is_change(*number));
+        usize::from(own) + self.below().into_iter().map(Self::changes).max().unwrap_or(0)
     }
 
     fn number(&self, row: &impl Moment) -> f64 {
@@ -281,9 +282,7 @@ impl Node {
             Self::Time => row.time(),
             Self::Field(who, field) => row.body(*who).get(*field),
             Self::Column(column) => row.cell(*column),
-            Self::Lagged(inner, rows) => {
-                row.earlier(*rows).map_or(f64::NAN, |earlier| inner.number(&earlier))
-            }
+            Self::Lagged(inner, rows) => row.earlier(*rows).map_or(f64::NAN, |row| inner.number(&row)),
             Self::Negative(inner) => -inner.number(row),
             Self::Binary(operator, a, b) => arithmetic(*operator, a.number(row), b.number(row)),
             Self::Call(number, arguments) => call(function(*number).2, arguments, row),
@@ -300,16 +299,14 @@ impl Node {
                 (body.vx, body.vy)
             }
             Self::Pair(x, y) => (x.number(row), y.number(row)),
-            Self::Lagged(inner, rows) => {
-                row.earlier(*rows).map_or((f64::NAN, f64::NAN), |earlier| inner.point(&earlier))
-            }
+            Self::Lagged(inner, rows) => row.earlier(*rows).map_or(NOWHERE, |row| inner.point(&row)),
             Self::Call(number, arguments) => match (function(*number).2, arguments.as_slice()) {
                 (Function::Difference, [inner]) => {
                     let (x, y) = inner.point(row);
-                    let before = row.earlier(1).map_or((f64::NAN, f64::NAN), |earlier| inner.point(&earlier));
+                    let before = row.earlier(1).map_or(NOWHERE, |earlier| inner.point(&earlier));
                     (x - before.0, y - before.1)
                 }
-                _ => (f64::NAN, f64::NAN),
+                _ => NOWHERE,
             },
             Self::Negative(inner) => {
                 let (x, y) = inner.point(row);
@@ -326,14 +323,14 @@ impl Node {
                 };
                 (arithmetic(*operator, x, factor), arithmetic(*operator, y, factor))
             }
-            _ => (f64::NAN, f64::NAN),
+            _ => NOWHERE,
         }
     }
 }
 
 fn call<M: Moment>(function: Function, arguments: &[Node], row: &M) -> f64 {
     let number = |i: usize| arguments.get(i).map_or(f64::NAN, |node| node.number(row));
-    let point = |i: usize| arguments.get(i).map_or((f64::NAN, f64::NAN), |node| node.point(row));
+    let point = |i: usize| arguments.get(i).map_or(NOWHERE, |node| node.point(row));
     match function {
         Function::Number(f) => f(number(0)),
         Function::Pair(f) => f(number(0), number(1)),

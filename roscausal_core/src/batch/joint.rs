@@ -120,9 +120,7 @@ impl Joint {
             .collect();
         let mut context = Vec::new();
         for name in reported {
-            // A batch without the column is one without the intervention.
-            let of = |table: &Table| if table.names.contains(name) { column(table, name) } else { vec![0.0] };
-            let mut values = tables.iter().flat_map(|(table, _)| of(table));
+            let mut values = tables.iter().flat_map(|(table, _)| column(table, name));
             let first = values.next();
             if values.all(|value| Some(value) == first) {
                 notes_on_context
@@ -153,11 +151,7 @@ impl Joint {
     /// The columns of interventions, also of those that are the same in all rows; of all batches, one after the other.
     pub fn announced(&self) -> Vec<(String, Vec<f64>)> {
         let names: BTreeSet<&String> = self.tables.iter().flat_map(|(_, facts)| &facts.context).collect();
-        let of = |name: &String, table: &Table| match table.names.contains(name) {
-            true => column(table, name),
-            false => vec![0.0; table.values.nrows()],
-        };
-        let all = |name: &String| self.tables.iter().flat_map(|(table, _)| of(name, table)).collect();
+        let all = |name: &String| self.tables.iter().flat_map(|(table, _)| column(table, name)).collect();
         names.into_iter().map(|name| (name.clone(), all(name))).collect()
     }
 
@@ -173,7 +167,8 @@ impl Joint {
     pub fn parts(&mut self, people: People) -> Result<Vec<Part>> {
         let several = self.tables.iter().any(|(_, facts)| facts.ids.len() > 1);
         if people == People::Joint || !several {
-            let recordings = self.tables.iter().map(|(table, facts)| self.plain(table, facts)).enumerate();
+            let recordings = self.tables.iter().map(|(table, facts)| self.columns(table, facts, None));
+            let recordings = recordings.enumerate();
             let mut of = BTreeMap::from([(0, recordings.collect::<Vec<_>>())]);
             self.leave_out_empty(&mut of);
             return Ok(vec![self.part(None, &of[&0])?]);
@@ -181,7 +176,7 @@ impl Joint {
         let mut of: BTreeMap<u32, Vec<(usize, Named)>> = BTreeMap::new();
         for (place, (table, facts)) in self.tables.iter().enumerate() {
             for id in &facts.ids {
-                of.entry(*id).or_default().push((place, self.of_person(table, facts, *id)));
+                of.entry(*id).or_default().push((place, self.columns(table, facts, Some(*id))));
             }
         }
         let mut parts = Vec::new();
@@ -198,8 +193,7 @@ impl Joint {
             }
         }
         if people != People::Each {
-            let all: Vec<(usize, Named)> =
-                of.into_values().flatten().filter(|(_, one)| complete_rows(one) > 0).collect();
+            let all: Vec<_> = of.into_values().flatten().filter(|(_, one)| complete_rows(one) > 0).collect();
             if all.is_empty() {
                 return Err(Error::Data("no person has a row without a missing value".into()));
             }
@@ -211,27 +205,21 @@ impl Joint {
         Ok(parts)
     }
 
-    /// All columns except those of interventions, which come last.
-    fn plain(&self, table: &Table, facts: &Facts) -> Named {
-        let names = table.names.iter().filter(|name| !facts.context.contains(name));
-        let columns: Named = names.map(|name| (name.clone(), column(table, name))).collect();
-        self.with_context(columns, table)
-    }
-
-    /// The columns of one person, under the names that they have if they are alone, and the columns that belong to
-    /// nobody.
-    fn of_person(&self, table: &Table, facts: &Facts, id: u32) -> Named {
+    /// All columns, those of interventions last. Of one `person`: theirs, under the names that they have if they are alone, and the
+    /// columns that belong to nobody.
+    fn columns(&self, table: &Table, facts: &Facts, person: Option<u32>) -> Named {
         let mut columns = Named::new();
         for name in table.names.iter().filter(|name| !facts.context.contains(name)) {
-            let name_alone = match person_of(name, &facts.ids) {
-                Some((of, alone)) if of == id => alone,
+            let name_alone = match person.and_then(|_| person_of(name, &facts.ids)) {
+                Some((of, alone)) if Some(of) == person => alone,
                 None => name.clone(),
                 // In a batch with one person the names are plain.
                 Some(_) => continue,
             };
             columns.push((name_alone, column(table, name)));
         }
-        self.with_context(columns, table)
+        columns.extend(self.context.iter().map(|name| (name.clone(), column(table, name))));
+        columns
     }
 
     /// Leaves out the columns that are empty for everybody, such as the distance to a goal that nobody told.
@@ -255,16 +243,6 @@ impl Joint {
         let whom = if of.len() > 1 { " for everybody" } else { "" };
         let note = |name: &String| format!("'{name}' is empty{whom} and is not analysed");
         self.warnings.extend(left_out.iter().map(note));
-    }
-
-    fn with_context(&self, mut columns: Named, table: &Table) -> Named {
-        let of = |name: &String| match table.names.contains(name) {
-            true => column(table, name),
-            // In batches from before the intervention was announced.
-            false => vec![0.0; table.values.nrows()],
-        };
-        columns.extend(self.context.iter().map(|name| (name.clone(), of(name))));
-        columns
     }
 
     fn part(&self, person: Option<u32>, recordings: &[(usize, Named)]) -> Result<Part> {
@@ -303,9 +281,10 @@ impl Joint {
 /// Columns with their names.
 type Named = Vec<(String, Vec<f64>)>;
 
+/// A column; zeros where there is none: of an intervention, in a batch from before it was announced.
 fn column(table: &Table, name: &str) -> Vec<f64> {
     let place = table.names.iter().position(|other| other == name);
-    place.map_or(Vec::new(), |place| table.values.column(place).to_vec())
+    place.map_or_else(|| vec![0.0; table.values.nrows()], |place| table.values.column(place).to_vec())
 }
 
 fn complete_rows(columns: &Named) -> usize {

@@ -10,7 +10,7 @@
 
 use std::{
     collections::BTreeSet,
-    fs::{self, File, OpenOptions, TryLockError},
+    fs::{self, File, TryLockError},
     io::{Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
 };
@@ -145,9 +145,22 @@ impl Pool {
         Ok(contents)
     }
 
-    /// Writes a file that gets its name only through [`Staged::publish`].
+    /// Writes a file that gets its name only through [`Staged::publish`]. The temporary name is fixed, because recovery looks for it. A
+    /// file or link that lies there is removed first.
     pub(super) fn stage(&self, name: &str, bytes: &[u8]) -> Result<Staged> {
-        stage(&self.path(name), bytes)
+        let (temporary, path) = (self.path(&format!(".{name}.tmp")), self.path(name));
+        let write = || -> std::io::Result<()> {
+            fs::create_dir_all(&self.dir)?;
+            fs::remove_file(&temporary).or_else(ignore_missing)?;
+            let mut file = File::create_new(&temporary)?;
+            file.write_all(bytes)?;
+            file.sync_all()
+        };
+        write().map_err(|e| {
+            let _ = fs::remove_file(&temporary);
+            Error::file(&path, e)
+        })?;
+        Ok(Staged { temporary, path })
     }
 
     /// The staged file of a name, if a process that is gone left one.
@@ -176,17 +189,13 @@ impl Pool {
 
     /// Makes this process the only one that records into this folder, for as long as the returned file lives.
     pub(super) fn lock_for_recording(&self) -> Result<File> {
-        let fault = |e: std::io::Error| Error::file(&self.dir, e);
-        let dir = File::open(&self.dir).map_err(fault)?;
-        match dir.try_lock() {
-            Ok(()) => Ok(dir),
-            Err(TryLockError::WouldBlock) => {
-                let dir = self.dir.display();
-                let reason = format!("another node records into {dir}; give each node its own folder");
-                Err(Error::param("data_dir", reason))
-            }
-            Err(TryLockError::Error(e)) => Err(fault(e)),
+        let lock = File::open(&self.dir).map_err(|e| Error::file(&self.dir, e))?;
+        if !try_lock(&lock, &self.dir)? {
+            let dir = self.dir.display();
+            let reason = format!("another node records into {dir}; give each node its own folder");
+            return Err(Error::param("data_dir", reason));
         }
+        Ok(lock)
     }
 
     /// Makes room for a batch of `incoming` bytes. Returns the batches that were dropped; `None` if there is no
@@ -230,25 +239,15 @@ impl Pool {
     pub fn claim(&self, name: &str) -> Result<Option<Claim>> {
         let lock_path = self.path(&format!(".{name}.lock"));
         let fault = |e: std::io::Error| Error::file(&lock_path, e);
-        let mut lock = OpenOptions::new()
-            .create(true)
-            .truncate(false)
-            .read(true)
-            .write(true)
-            .open(&lock_path)
-            .map_err(fault)?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Ok(None),
-            Err(TryLockError::Error(e)) => return Err(fault(e)),
-        }
-        if !is_still(&lock, &lock_path) {
-            // Another node has finished with the batch and removed its lock.
+        let opened = File::options().create(true).truncate(false).read(true).write(true).open(&lock_path);
+        let mut lock = opened.map_err(fault)?;
+        // Another node has it, or has finished with the batch and removed its lock.
+        if !try_lock(&lock, &lock_path)? || !is_still(&lock, &lock_path) {
             return Ok(None);
         }
         if !self.path(name).exists() {
             // Analysed by another node since the folder was listed.
-            fs::remove_file(&lock_path).or_else(ignore_missing).map_err(fault)?;
+            remove(&lock_path)?;
             return Ok(None);
         }
         let mut text = String::new();
@@ -280,9 +279,7 @@ impl Pool {
                 None => self.remove(claim)?,
             }
         }
-        list.map_or(Ok(()), |path| {
-            fs::remove_file(&path).or_else(ignore_missing).map_err(|e| Error::file(&path, e))
-        })
+        list.map_or(Ok(()), |path| remove(&path))
     }
 
     /// Completes what a process that is gone began with [`Pool::finish`].
@@ -307,9 +304,7 @@ impl Pool {
                 }
             }
             if !busy {
-                fs::remove_file(entry.path())
-                    .or_else(ignore_missing)
-                    .map_err(|e| Error::file(entry.path(), e))?;
+                remove(&entry.path())?;
             }
         }
         Ok(())
@@ -321,7 +316,7 @@ impl Pool {
     /// The error of the file system.
     pub fn remove(&self, claim: Claim) -> Result<()> {
         for path in [self.path(&claim.name), self.path(&sidecar(&claim.name))] {
-            fs::remove_file(&path).or_else(ignore_missing).map_err(|e| Error::file(&path, e))?;
+            remove(&path)?;
         }
         claim.finish()
     }
@@ -379,7 +374,7 @@ impl Claim {
     }
 
     fn finish(self) -> Result<()> {
-        fs::remove_file(&self.lock_path).or_else(ignore_missing).map_err(|e| Error::file(&self.lock_path, e))
+        remove(&self.lock_path)
     }
 }
 
@@ -411,14 +406,15 @@ pub fn with_ending(folder: &Path, ending: &str) -> Result<Vec<PathBuf>> {
 /// # Errors
 /// The error of the file system, with the path.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let (dir, name) = (folder_of(path), file_name(path)?);
+    let name = path.file_name().ok_or_else(|| Error::file(path, "not the name of a file"))?;
+    let (dir, name) = (folder_of(path), name.to_string_lossy());
     let write = || -> std::io::Result<()> {
         fs::create_dir_all(dir)?;
         // The name is this process's own: nobody else writes into the file, and no link that lies there is followed.
         let mut file = tempfile::Builder::new()
             .prefix(&format!(".{name}."))
             .suffix(".tmp")
-            .make_in(dir, |path| OpenOptions::new().write(true).create_new(true).open(path))?;
+            .make_in(dir, |path| File::options().write(true).create_new(true).open(path))?;
         file.write_all(bytes)?;
         file.as_file().sync_all()?;
         file.persist(path).map(drop).map_err(|error| error.error)
@@ -433,26 +429,18 @@ pub fn without_path(error: std::io::Error) -> String {
     text.split_once(" at path ").map_or(text.as_str(), |(reason, _)| reason).to_owned()
 }
 
-/// The temporary name is fixed, because recovery looks for it. A file or link that lies there is removed first.
-fn stage(path: &Path, bytes: &[u8]) -> Result<Staged> {
-    let temporary = folder_of(path).join(format!(".{}.tmp", file_name(path)?));
-    let write = || -> std::io::Result<()> {
-        fs::create_dir_all(folder_of(path))?;
-        fs::remove_file(&temporary).or_else(ignore_missing)?;
-        let mut file = OpenOptions::new().write(true).create_new(true).open(&temporary)?;
-        file.write_all(bytes)?;
-        file.sync_all()
-    };
-    write().map_err(|e| {
-        let _ = fs::remove_file(&temporary);
-        Error::file(path, e)
-    })?;
-    Ok(Staged { temporary, path: path.to_owned() })
+/// Removes a file that may be gone already.
+pub(super) fn remove(path: &Path) -> Result<()> {
+    fs::remove_file(path).or_else(ignore_missing).map_err(|e| Error::file(path, e))
 }
 
-fn file_name(path: &Path) -> Result<String> {
-    let name = path.file_name().ok_or_else(|| Error::file(path, "not the name of a file"))?;
-    Ok(name.to_string_lossy().into_owned())
+/// Locks a file or folder; false if another process has it.
+pub(crate) fn try_lock(file: &File, path: &Path) -> Result<bool> {
+    match file.try_lock() {
+        Ok(()) => Ok(true),
+        Err(TryLockError::WouldBlock) => Ok(false),
+        Err(TryLockError::Error(e)) => Err(Error::file(path, e)),
+    }
 }
 
 impl Staged {

@@ -12,7 +12,7 @@ use super::{
     risk::{Body, RiskModel, risk_exponent},
     tracks::Values,
 };
-use crate::{Error, Result, mix};
+use crate::{Error, Result, grammar::rejoined, mix};
 
 /// Larger exponents of the risk cannot be: bodies would have to meet at more than 5 m/s at a distance of 0.1 m. The cell is
 /// emptied and counted.
@@ -101,10 +101,8 @@ impl Feature {
             return Err(Error::param("feature_names", reason));
         };
         let items = [(v, "h.v"), (dg, "dist(h, h.goal)"), (risk, "risk(h, r)")];
-        Self::distinct(
-            "feature_names",
-            items.iter().map(|(name, text)| Self::new("feature_names", name, text)).collect(),
-        )
+        let feature = |(name, text): (&String, &str)| Self::new("feature_names", name, text);
+        Self::distinct("feature_names", items.into_iter().map(feature).collect())
     }
 
     /// Parses the features of a parameter (`name = expression` each). An item without `=` continues the previous one, so a list that
@@ -113,16 +111,7 @@ impl Feature {
     /// # Errors
     /// A bad definition, or a duplicate name.
     pub fn parse(parameter: &str, items: &[String]) -> Result<Vec<Self>> {
-        let mut definitions: Vec<String> = Vec::new();
-        for item in items.iter().flat_map(|item| item.split(';')).filter(|item| !item.trim().is_empty()) {
-            match definitions.last_mut() {
-                Some(open) if !item.contains('=') => {
-                    open.push(',');
-                    open.push_str(item);
-                }
-                _ => definitions.push(item.to_owned()),
-            }
-        }
+        let definitions = rejoined(items, |item| item.contains('='));
         let parse = |definition: &String| match definition.split_once('=') {
             Some((name, text)) => Self::new(parameter, name, text),
             None => {
@@ -149,49 +138,38 @@ impl Postprocess {
     /// # Errors
     /// A batch without people, if a feature is about a person.
     pub fn run(&self, batch: &Recording) -> Result<Features> {
-        let (batch, mut emptied) = possible(batch);
-        let mut columns = Vec::new();
-        for feature in &self.features {
-            if !feature.expression.mentions_human() {
-                columns.push(self.column(feature, feature.name.clone(), (&batch, 0), None, &mut emptied));
-                continue;
-            }
-            if batch.people.is_empty() {
-                let reason = format!("nobody is in the batch, but '{}' tells of a person", feature.name);
-                return Err(Error::Data(reason));
-            }
-            for (id, rows) in &batch.people {
-                let name = match batch.people.len() {
-                    1 => feature.name.clone(),
-                    _ => name_for(&feature.name, *id),
-                };
-                columns.push(self.column(feature, name, (&batch, 0), Some((*id, rows)), &mut emptied));
-            }
+        let of_person = self.features.iter().find(|feature| feature.expression.mentions_human());
+        if let Some(feature) = of_person.filter(|_| batch.people.is_empty()) {
+            let reason = format!("nobody is in the batch, but '{}' tells of a person", feature.name);
+            return Err(Error::Data(reason));
         }
-        columns.extend(batch.signal_columns());
-        columns.extend(batch.context_columns());
-        Ok(Features { columns, emptied })
+        Ok(self.features_of(batch, 0, batch.people.len() > 1))
     }
 
     /// The same of the newest row alone, while a batch is recorded: each column's name and value. `tail` has the row and, where there
     /// is one, the row before it; `first` is the place of the tail's first row in its batch. With `by_id` names carry the person's id.
     pub fn newest(&self, tail: &Recording, first: usize, by_id: bool) -> Vec<(String, f64)> {
-        let (tail, mut emptied) = possible(tail);
+        let value = |column: Column| (column.name, column.values.last().copied().unwrap_or(f64::NAN));
+        self.features_of(tail, first, by_id).columns.into_iter().map(value).collect()
+    }
+
+    /// The features of `batch`, whose first row is row `first` of the batch that it began; `by_id`: names carry the person's id.
+    fn features_of(&self, batch: &Recording, first: usize, by_id: bool) -> Features {
+        let (batch, mut emptied) = possible(batch);
         let mut columns = Vec::new();
         for feature in &self.features {
             if !feature.expression.mentions_human() {
-                columns.push(self.column(feature, feature.name.clone(), (&tail, first), None, &mut emptied));
+                columns.push(self.column(feature, feature.name.clone(), (&batch, first), None, &mut emptied));
                 continue;
             }
-            for (id, rows) in &tail.people {
+            for (id, rows) in &batch.people {
                 let name = if by_id { name_for(&feature.name, *id) } else { feature.name.clone() };
-                columns.push(self.column(feature, name, (&tail, first), Some((*id, rows)), &mut emptied));
+                columns.push(self.column(feature, name, (&batch, first), Some((*id, rows)), &mut emptied));
             }
         }
-        columns.extend(tail.signal_columns());
-        columns.extend(tail.context_columns());
-        let value = |column: Column| (column.name, column.values.last().copied().unwrap_or(f64::NAN));
-        columns.into_iter().map(value).collect()
+        columns.extend(batch.signal_columns());
+        columns.extend(batch.context_columns());
+        Features { columns, emptied }
     }
 
     /// One column of `batch`, whose first row is row `first` of the batch that it began.
@@ -208,11 +186,8 @@ impl Postprocess {
         let stream = mix(self.seed ^ mix(batch.start.as_nanos() as u64) ^ mix(id.wrapping_add(1)));
         let human = |row: usize| person.and_then(|(_, rows)| rows.get(row)).unwrap_or(&Values::UNKNOWN);
         let risk = |row: usize, a: Who, b: Who| {
-            let noise = if self.risk_noise > 0.0 {
-                self.risk_noise * normal(stream, (first + row) as u64)
-            } else {
-                0.0
-            };
+            let index = (first + row) as u64;
+            let noise = if self.risk_noise > 0.0 { self.risk_noise * normal(stream, index) } else { 0.0 };
             let [a, b] = [a, b].map(|who| match who {
                 Who::Human => human(row).body(),
                 Who::Robot => batch.robot[row].body(),
@@ -266,10 +241,6 @@ impl Moment for BatchRow<'_> {
 
     fn risk(&self, a: Who, b: Who) -> f64 {
         (self.risk)(self.row, a, b)
-    }
-
-    fn cell(&self, _: usize) -> f64 {
-        f64::NAN
     }
 
     fn earlier(&self, rows: usize) -> Option<Self> {

@@ -112,33 +112,28 @@ impl Script {
         let ended = wait(&mut child, self.time_limit).map_err(|e| fault(e.to_string()))?;
         let stated = fs::read(&complaint).unwrap_or_default();
         let stated = String::from_utf8_lossy(&stated[stated.len().saturating_sub(TOLD)..]).trim().to_owned();
-        match ended {
-            None => {
-                let limit = self.time_limit.as_secs();
-                Err(fault(format!("took longer than {limit} s on {name} and was ended; see pp_time_limit")))
-            }
-            Some(status) if !status.success() => Err(fault(format!("failed on {name} ({status}): {stated}"))),
-            Some(_) => {
-                let made = work.join(name);
-                let bytes = fs::read(&made).map_err(|_| {
-                    fault(format!(
+        let limit = self.time_limit.as_secs();
+        let reason = match ended {
+            None => format!("took longer than {limit} s on {name} and was ended; see pp_time_limit"),
+            Some(status) if !status.success() => format!("failed on {name} ({status}): {stated}"),
+            Some(_) => match fs::read(work.join(name)) {
+                Ok(bytes) if !bytes.is_empty() => return Ok(bytes),
+                Ok(_) => format!("wrote an empty {name}; it said: {stated}"),
+                Err(_) => {
+                    format!(
                         "ended without writing {name} into the folder of --pp_data_dir; it said: {stated}"
-                    ))
-                })?;
-                if bytes.is_empty() {
-                    return Err(fault(format!("wrote an empty {name}; it said: {stated}")));
+                    )
                 }
-                Ok(bytes)
-            }
-        }
+            },
+        };
+        Err(fault(reason))
     }
 
     /// The program itself if it is executable, otherwise Python for a `.py`.
     fn command(&self) -> Result<Command> {
         if is_executable(&self.program) {
-            return Ok(Command::new(
-                std::path::absolute(&self.program).unwrap_or_else(|_| self.program.clone()),
-            ));
+            let program = std::path::absolute(&self.program);
+            return Ok(Command::new(program.unwrap_or_else(|_| self.program.clone())));
         }
         if self.program.extension().is_some_and(|extension| extension == "py") {
             let mut command = Command::new("python3");

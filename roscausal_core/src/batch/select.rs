@@ -56,11 +56,8 @@ impl FromStr for Select {
 
     /// `all`, `nobody`, `nearest:N`, an id, or several separated by commas.
     fn from_str(text: &str) -> Result<Self, String> {
-        let fault = || {
-            format!(
-                "'{text}' names nobody; allowed: all, nobody, nearest:N (such as nearest:2), an id, or ids such as 3,7"
-            )
-        };
+        let allowed = "all, nobody, nearest:N (such as nearest:2), an id, or ids such as 3,7";
+        let fault = || format!("'{text}' names nobody; allowed: {allowed}");
         let text = text.trim().trim_matches(['[', ']']);
         if text.eq_ignore_ascii_case("all") || text.is_empty() {
             return Ok(Self::All);

@@ -58,14 +58,9 @@ impl SignalTrack {
                 _ => f64::NAN,
             },
             How::Average(max_age) => {
-                let since = self
-                    .values
-                    .iter()
-                    .take(after)
-                    .rev()
-                    .take_while(|(stamp, _)| *stamp > t.saturating_sub(dt));
-                let known: Vec<f64> =
-                    since.map(|(_, value)| *value).filter(|value| !value.is_nan()).collect();
+                let is_since = |(stamp, _): &&(i64, f64)| *stamp > t.saturating_sub(dt);
+                let since = self.values.iter().take(after).rev().take_while(is_since);
+                let known: Vec<_> = since.map(|(_, value)| *value).filter(|value| !value.is_nan()).collect();
                 if known.is_empty() {
                     held(max_age)
                 } else {

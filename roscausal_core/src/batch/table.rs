@@ -125,12 +125,8 @@ impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Empty { column } => {
-                write!(
-                    f,
-                    "column '{column}' has no number at all; leave it out with {} or {}",
-                    Named("columns"),
-                    Named("drop_empty")
-                )
+                let (columns, empty) = (Named("columns"), Named("drop_empty"));
+                write!(f, "column '{column}' has no number at all; leave it out with {columns} or {empty}")
             }
             Self::Missing { column, missing, cells } => write!(
                 f,
@@ -218,11 +214,8 @@ impl Table {
     /// # Errors
     /// As [`Table::read`].
     pub fn from_bytes(bytes: &[u8], wanted: Option<&[String]>, path: &Path) -> Result<Self> {
-        Self::of_bytes(
-            bytes,
-            &Reading { columns: wanted.map(<[String]>::to_vec), ..Reading::default() },
-            path,
-        )
+        let reading = Reading { columns: wanted.map(<[String]>::to_vec), ..Reading::default() };
+        Self::of_bytes(bytes, &reading, path)
     }
 
     fn of_bytes(bytes: &[u8], reading: &Reading, path: &Path) -> Result<Self> {
@@ -257,9 +250,8 @@ impl Table {
         let body = with_tabs.as_deref().unwrap_or(&text[layout.start..]);
         let mut table = Rows::new(body, &layout, reading, memory)?.table()?;
         // Lines are counted from the beginning of the file, and only if an error needs one.
-        table
-            .notes
-            .extend(encoding.map(|encoding| Note::Read(format!("the file is taken as text in {encoding}"))));
+        let note = |encoding| Note::Read(format!("the file is taken as text in {encoding}"));
+        table.notes.extend(encoding.map(note));
         Ok(table)
     }
 
@@ -353,16 +345,13 @@ impl<'a> Rows<'a> {
                 && row_number(&second),
         );
         columns::check_names(&header, &format!("line {line}"))?;
+        let decimal_comma = separator != b',';
         let mut this = Self {
             body,
             separator,
             reading,
             memory,
-            cells: Cells {
-                missing: &reading.missing,
-                decimal_comma: separator != b',',
-                encode: reading.encode,
-            },
+            cells: Cells { missing: &reading.missing, decimal_comma, encode: reading.encode },
             header,
             joined,
             ahead,
@@ -466,8 +455,7 @@ impl<'a> Rows<'a> {
                 let cell = row.get(column + self.ahead).unwrap_or_default();
                 if let Some(codes) = codes.get_mut(&column) {
                     let word = cell.trim();
-                    let is_missing = word.is_empty()
-                        || matches!(self.cells.number(word), Ok(Some(value)) if value.is_nan());
+                    let is_missing = matches!(self.cells.number(word), Ok(Some(value)) if value.is_nan());
                     numbers.push(if is_missing { f64::NAN } else { codes.of(word) });
                     continue;
                 }
@@ -498,9 +486,8 @@ impl<'a> Rows<'a> {
         }
         if places.is_empty() {
             let line = self.before + 1;
-            return Err(Complaint::from(format!(
-                "there is only a header (line {line}); rows of numbers are needed below it"
-            )));
+            let why = format!("there is only a header (line {line}); rows of numbers are needed below it");
+            return Err(why.into());
         }
         self.finished(numbers, time, &places, codes).map(|table| Pass::Done(Box::new(table)))
     }
@@ -563,19 +550,14 @@ impl<'a> Rows<'a> {
     /// What to know of columns that the file does not name, or names by numbers.
     fn on_names(&self) -> Option<Note> {
         let (first, last) = (self.header.first()?, self.header.iter().rfind(|name| !name.is_empty())?);
+        let (line, no_header) = (self.before + 1, Named("no_header"));
         let reported = match (self.nameless, self.names_are_numbers(0)) {
             _ if self.reading.names.is_some() => return None,
             (true, _) => format!(
                 "the file has no header; its columns are called {first} to {last} ({} names them)",
                 Named("names")
             ),
-            (false, true) => {
-                format!(
-                    "line {} is taken as names ({} reads it as a row)",
-                    self.before + 1,
-                    Named("no_header")
-                )
-            }
+            (false, true) => format!("line {line} is taken as names ({no_header} reads it as a row)"),
             (false, false) => return None,
         };
         Some(Note::Read(reported))
@@ -596,12 +578,10 @@ impl<'a> Rows<'a> {
         match self.cells.number(cell) {
             Ok(Some(time)) => Ok(time),
             _ => time::date(cell).ok_or_else(|| {
-                let place = self.place(column, place);
-                let cell = shortened(cell);
+                let (place, cell, named) = (self.place(column, place), shortened(cell), Named("time_column"));
                 Complaint::from(format!(
                     "{place}: '{cell}' is neither a number nor a date such as 2026-11-24T08:30:00.25+01:00; correct it, or name \
-                     another column with {} (none: there are no times)",
-                    Named("time_column")
+                     another column with {named} (none: there are no times)"
                 ))
             }),
         }
@@ -633,39 +613,32 @@ impl<'a> Rows<'a> {
         if let (0, Err(side)) = (column, check_stands(self.names_are_numbers(1), (1, self.header.len()))) {
             return side;
         }
+        let (columns, time_column) = (Named("columns"), Named("time_column"));
         if time::date(cell).is_some() {
             return Complaint::from(format!(
-                "{place}: '{short}' is a date; {} takes it as the time, {} names the columns to use",
-                Named("time_column"),
-                Named("columns")
+                "{place}: '{short}' is a date; {time_column} takes it as the time, {columns} names the columns to use"
             ));
         }
+        let (encode, recording, name) = (Named("encode"), Named("recording"), &self.header[column]);
         Complaint::from(format!(
-            "{place}: '{short}' is not a number; correct it, leave the cell empty, name the columns to use with {}, turn words into codes \
-             with {} codes, or, if they say whose a row is, make recordings of them with {} '{}'",
-            Named("columns"),
-            Named("encode"),
-            Named("recording"),
-            self.header[column]
+            "{place}: '{short}' is not a number; correct it, leave the cell empty, name the columns to use with {columns}, turn words into \
+             codes with {encode} codes, or, if they say whose a row is, make recordings of them with {recording} '{name}'"
         ))
     }
 
     fn check_time(&self, time: &[f64], column: usize, places: &[u64]) -> Parsed<()> {
-        let name = &self.header[column];
         if let Some(row) = time.iter().position(|t| t.is_nan()) {
-            return Err(Complaint::from(format!(
-                "line {}, column '{name}': the time is missing; fill it in or remove the row",
-                self.line(places[row])
-            )));
+            let place = self.place(column, places[row]);
+            return Err(format!("{place}: the time is missing; fill it in or remove the row").into());
         }
         if self.reading.recording.is_some() {
             return Ok(());
         }
         let wrong = |pair: &[f64]| pair[1] < pair[0] || (pair[1] == pair[0] && !self.reading.equal_times);
         let Some(row) = time.windows(2).position(wrong) else { return Ok(()) };
-        let place = format!("line {}, column '{name}'", self.line(places[row + 1]));
+        let place = self.place(column, places[row + 1]);
         // A column that says whose row it is, or else the time itself, which begins anew.
-        let id = self.header.iter().find(|name| split::is_id(name)).unwrap_or(name);
+        let id = self.header.iter().find(|name| split::is_id(name)).unwrap_or(&self.header[column]);
         Err(Complaint::from(out_of_order(&place, time[row], time[row + 1], id)))
     }
 
@@ -726,11 +699,10 @@ fn out_of_order(place: &str, before: f64, time: f64, id: &str) -> String {
         true => ("goes back", "sort the rows".to_owned()),
         false => ("stands still", format!("resample the rows with {}", Named("dt"))),
     };
+    let (recording, format) = (Named("recording"), Named("format"));
     format!(
-        "{place}: time {what} (from {before} to {time}); {way}; several recordings in one table: {} '{id}'; a row for each of several \
-         people and robots: {} trajectories",
-        Named("recording"),
-        Named("format")
+        "{place}: time {what} (from {before} to {time}); {way}; several recordings in one table: {recording} '{id}'; a row for each of \
+         several people and robots: {format} trajectories"
     )
 }
 
@@ -756,10 +728,8 @@ fn texts(record: &ByteRecord, line: u64) -> std::result::Result<Vec<String>, Str
 
 /// Whether a row begins with a whole number, as R's rows do.
 fn row_number(record: &ByteRecord) -> bool {
-    record
-        .get(0)
-        .and_then(|cell| std::str::from_utf8(cell).ok())
-        .is_some_and(|cell| cell.trim().parse::<i64>().is_ok())
+    let first = record.get(0).and_then(|cell| std::str::from_utf8(cell).ok());
+    first.is_some_and(|cell| cell.trim().parse::<i64>().is_ok())
 }
 
 #[cfg(test)]

@@ -63,7 +63,7 @@ impl TryFrom<Written> for Sampling {
     }
 }
 
-/// A recorded quantity.
+/// A recorded quantity; in the order of a robot's columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Field {
     /// Where the goal is.
@@ -88,15 +88,7 @@ impl Field {
 
     /// End of the column's name.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Gx => "gx",
-            Self::Gy => "gy",
-            Self::X => "x",
-            Self::Y => "y",
-            Self::Theta => "theta",
-            Self::V => "v",
-            Self::Omega => "omega",
-        }
+        ["gx", "gy", "x", "y", "theta", "v", "omega"][self as usize]
     }
 
     /// End of its column's name as ROS-Causal 1.1 spells it; the TAB is the `\t` of its `\theta`.
@@ -151,33 +143,20 @@ impl Values {
 
     /// The values in the order of [`Field::ALL`].
     pub fn to_array(self) -> [f64; Field::ALL.len()] {
-        Field::ALL.map(|field| self.get(field))
+        let Self { gx, gy, x, y, theta, v, omega } = self;
+        [gx, gy, x, y, theta, v, omega]
     }
 
     /// One value.
     pub fn get(&self, field: Field) -> f64 {
-        match field {
-            Field::Gx => self.gx,
-            Field::Gy => self.gy,
-            Field::X => self.x,
-            Field::Y => self.y,
-            Field::Theta => self.theta,
-            Field::V => self.v,
-            Field::Omega => self.omega,
-        }
+        self.to_array()[field as usize]
     }
 
     /// Replaces one value.
     pub(super) fn set(&mut self, field: Field, value: f64) {
-        *match field {
-            Field::Gx => &mut self.gx,
-            Field::Gy => &mut self.gy,
-            Field::X => &mut self.x,
-            Field::Y => &mut self.y,
-            Field::Theta => &mut self.theta,
-            Field::V => &mut self.v,
-            Field::Omega => &mut self.omega,
-        } = value;
+        let mut values = self.to_array();
+        values[field as usize] = value;
+        *self = Self::from_array(values);
     }
 
     /// Place and velocity, from speed and heading.

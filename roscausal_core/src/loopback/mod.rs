@@ -108,12 +108,6 @@ impl Member {
     }
 }
 
-impl BusState {
-    fn add(&mut self, member: Member) {
-        Arc::make_mut(&mut self.members).push(member);
-    }
-}
-
 impl Loopback {
     /// A bus with simulated time. It starts at 0 and advances only through [`Loopback::advance_to`].
     pub fn lockstep() -> Self {
@@ -126,16 +120,8 @@ impl Loopback {
     }
 
     fn new(clock: Clock, lockstep: bool) -> Self {
-        Self {
-            bus: Arc::new(Bus {
-                clock,
-                lockstep,
-                next_id: AtomicU64::new(0),
-                state: Mutex::default(),
-                driving: Mutex::default(),
-                driver: Mutex::default(),
-            }),
-        }
+        let (next_id, state, driving, driver) = Default::default();
+        Self { bus: Arc::new(Bus { clock, lockstep, next_id, state, driving, driver }) }
     }
 
     /// Joins as a node. `name` has no leading `/`. Parameters of the node are `/name/parameter`.

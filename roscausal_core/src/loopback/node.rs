@@ -124,13 +124,9 @@ impl Middleware for LoopbackNode {
 
     fn params_set(&self) -> Vec<String> {
         let prefix = format!("{}/", self.name);
-        self.bus
-            .lock()
-            .params
-            .keys()
-            .filter_map(|name| name.strip_prefix(&prefix))
-            .map(str::to_owned)
-            .collect()
+        let state = self.bus.lock();
+        let own = state.params.keys().filter_map(|name| name.strip_prefix(&prefix));
+        own.map(str::to_owned).collect()
     }
 
     fn set_param(&self, name: &str, value: Value) -> Result<()> {
@@ -161,7 +157,8 @@ impl Middleware for LoopbackNode {
 
     fn attach(&self, consumer: Arc<dyn Consumer>) {
         let (alive, consumer) = (self.alive.clone(), Arc::downgrade(&consumer));
-        self.bus.lock().add(Member { alive, consumer, task: self.task.clone() });
+        let member = Member { alive, consumer, task: self.task.clone() };
+        Arc::make_mut(&mut self.bus.lock().members).push(member);
     }
 
     fn is_lockstep(&self) -> bool {

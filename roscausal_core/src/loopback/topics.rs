@@ -215,56 +215,40 @@ impl LoopbackSubscription {
         callback: impl FnMut(M) + Send + 'static,
     ) -> Result<Self> {
         let (id, slot) = (bus.id(), Arc::new(Slot::new(callback)));
-        {
-            let mut state = bus.lock();
-            let entry = state.topic::<M>(&topic)?;
-            entry.subscribers.push((id, slot.clone()));
-            match entry.latched.as_ref().map(|(_, payload)| payload.clone()) {
-                Some(payload) if bus.lockstep => state.deliveries.push_back((slot.clone(), payload)),
-                Some(payload) => slot.push(payload),
-                None => (),
-            }
-        }
-        slot.run();
+        let mut state = bus.lock();
+        let entry = state.topic::<M>(&topic)?;
+        entry.subscribers.push((id, slot.clone()));
+        let latched = entry.latched.iter().map(|(_, payload)| (slot.clone(), payload.clone())).collect();
+        deliver(bus, state, latched);
         Ok(Self { bus: bus.clone(), topic, id, slot })
     }
 
     /// A subscription to messages of any type.
     pub(super) fn listen(bus: &Arc<Bus>, topic: String, callback: impl FnMut(Raw) + Send + 'static) -> Self {
         let (id, slot) = (bus.id(), Arc::new(Slot::new(callback)));
-        {
-            let mut state = bus.lock();
-            state.listeners.entry(topic.clone()).or_default().push((id, slot.clone()));
-            let latched = state.topics.get(&topic).and_then(|entry| {
-                let (_, payload) = entry.latched.as_ref()?;
-                (entry.as_raw)(payload)
-            });
-            match latched {
-                Some(raw) if bus.lockstep => state.deliveries.push_back((slot.clone(), Arc::new(raw))),
-                Some(raw) => slot.push(Arc::new(raw)),
-                None => (),
-            }
-        }
-        slot.run();
+        let mut state = bus.lock();
+        state.listeners.entry(topic.clone()).or_default().push((id, slot.clone()));
+        let latched = state.topics.get(&topic).and_then(|entry| (entry.as_raw)(&entry.latched.as_ref()?.1));
+        let latched = latched.map(|raw| (slot.clone(), Arc::new(raw) as Payload));
+        deliver(bus, state, latched.into_iter().collect());
         Self { bus: bus.clone(), topic, id, slot }
     }
 }
 
 impl Drop for LoopbackSubscription {
     fn drop(&mut self) {
-        {
-            let mut state = self.bus.lock();
-            if let Some(topic) = state.topics.get_mut(&self.topic) {
-                topic.subscribers.retain(|(id, _)| *id != self.id);
-            }
-            state.prune(&self.topic);
-            if let Some(listeners) = state.listeners.get_mut(&self.topic) {
-                listeners.retain(|(id, _)| *id != self.id);
-                if listeners.is_empty() {
-                    state.listeners.remove(&self.topic);
-                }
+        let mut state = self.bus.lock();
+        if let Some(topic) = state.topics.get_mut(&self.topic) {
+            topic.subscribers.retain(|(id, _)| *id != self.id);
+        }
+        state.prune(&self.topic);
+        if let Some(listeners) = state.listeners.get_mut(&self.topic) {
+            listeners.retain(|(id, _)| *id != self.id);
+            if listeners.is_empty() {
+                state.listeners.remove(&self.topic);
             }
         }
+        drop(state);
         self.slot.end();
     }
 }

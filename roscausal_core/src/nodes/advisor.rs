@@ -150,25 +150,17 @@ impl Advice {
             return Err(Error::param("speeds", reason));
         }
         let patience = params.double("patience");
-        let variable = params.text("variable");
-        let action = |speed: &f64| Action {
-            name: format!("{speed}"),
-            interventions: vec![Intervention {
-                variable: variable.clone(),
-                kind: Intervention::SET,
-                first_step: 1,
-                last_step: 0,
-                values: vec![*speed],
-            }],
+        let action = |speed: &f64| {
+            let (variable, kind) = (params.text("variable"), Intervention::SET);
+            let set = Intervention { variable, kind, first_step: 1, last_step: 0, values: vec![*speed] };
+            Action { name: speed.to_string(), interventions: vec![set] }
         };
+        let term = |(variable, weight)| CostTerm { variable, weight };
         let bound = |(variable, above)| Limit { variable, above, below: f64::NAN, probability: 0.95 };
         let question = WhatIfRequest {
             horizon: u32::try_from(params.int("horizon")).unwrap_or(1),
             actions: speeds.iter().map(action).collect(),
-            cost: pairs("cost")?
-                .into_iter()
-                .map(|(variable, weight)| CostTerm { variable, weight })
-                .collect(),
+            cost: pairs("cost")?.into_iter().map(term).collect(),
             limits: pairs("keep_above")?.into_iter().map(bound).collect(),
             patience,
             ..WhatIfRequest::default()

@@ -146,11 +146,7 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
             Next::Shutdown => recorder.finish(),
             Next::Event(Event::Robot(state)) => {
                 health.heard(robot_input, mw.now());
-                if stopped {
-                    refused += 1;
-                } else {
-                    recorder.robot(state, mw.now());
-                }
+                if stopped { refused += 1 } else { recorder.robot(state, mw.now()) }
             }
             Next::Event(Event::Other(place, state)) => {
                 recorder.other_robot(&others[*place], state, mw.now());
@@ -162,19 +158,13 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
             }
             Next::Event(Event::Signal(place, message)) => {
                 let now = mw.now();
-                for reading in signals.heard(*place, message, now) {
-                    if !stopped {
-                        recorder.signal(reading.signal, reading.stamp, reading.value, now);
-                    }
+                for reading in signals.heard(*place, message, now).into_iter().filter(|_| !stopped) {
+                    recorder.signal(reading.signal, reading.stamp, reading.value, now);
                 }
             }
             Next::Event(Event::Humans(people)) => {
                 health.heard(humans_input, mw.now());
-                if stopped {
-                    refused += 1;
-                } else {
-                    recorder.humans(people, mw.now());
-                }
+                if stopped { refused += 1 } else { recorder.humans(people, mw.now()) }
             }
         }
         for row in recorder.take_rows() {

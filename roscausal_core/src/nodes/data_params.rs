@@ -184,26 +184,17 @@ pub(super) fn writer(params: &Params) -> Result<WriterConfig> {
 
 fn processing(params: &Params) -> Result<Processing> {
     let script = params.text("pp_script");
-    let by = match params.text("postprocess").as_str() {
-        "auto" if script.is_empty() => "builtin".to_owned(),
-        "auto" => "script".to_owned(),
-        other => other.to_owned(),
-    };
-    let (obs_size, safe_dist) = (params.double("obs_size"), params.double("safe_dist"));
-    Ok(match by.as_str() {
+    Ok(match params.text("postprocess").as_str() {
         "none" => Processing::None,
-        "script" => {
+        "builtin" => Processing::BuiltIn(built_in(params)?),
+        "auto" if script.is_empty() => Processing::BuiltIn(built_in(params)?),
+        _ => {
             let limit = Duration::from_secs_f64(params.double("pp_time_limit"));
             let script = Script::new(&path(&params.text("pp_script_dir")), &script, limit)?;
-            let sel_agent = params.text("sel_agent");
-            Processing::Script(script.with_arguments(
-                obs_size,
-                safe_dist,
-                &sel_agent,
-                params.flag("delete_traj"),
-            ))
+            let (obs_size, safe_dist) = (params.double("obs_size"), params.double("safe_dist"));
+            let (sel_agent, delete_traj) = (params.text("sel_agent"), params.flag("delete_traj"));
+            Processing::Script(script.with_arguments(obs_size, safe_dist, &sel_agent, delete_traj))
         }
-        _ => Processing::BuiltIn(built_in(params)?),
     })
 }
 
@@ -212,14 +203,13 @@ fn processing(params: &Params) -> Result<Processing> {
 /// # Errors
 /// A parameter that is not allowed.
 pub(super) fn built_in(params: &Params) -> Result<Postprocess> {
-    let (obs_size, safe_dist) = (params.double("obs_size"), params.double("safe_dist"));
     Ok(Postprocess {
         risk_model: params.text("risk_model").parse()?,
         risk_lag: params.count("risk_lag"),
         risk_noise: params.double("risk_noise"),
         seed: params.int("seed").unsigned_abs(),
-        obs_size,
-        safe_dist,
+        obs_size: params.double("obs_size"),
+        safe_dist: params.double("safe_dist"),
         obstacle: params.text("obstacle").parse()?,
         features: features(params)?,
     })

@@ -77,13 +77,11 @@ pub fn discovery_with<M: Middleware>(
     let rolling = params.rolling.map(|rolling| Rolling::open(&pool, rolling, kept)).transpose()?;
     let news = Arc::new(Mutex::new(None));
     let taken = news.clone();
-    mw.on_params(
-        &read,
-        Box::new(move |params| {
-            *lock(&taken) = Some(DiscoveryParams::new(params)?);
-            Ok(())
-        }),
-    );
+    let take = move |params: &Params| {
+        *lock(&taken) = Some(DiscoveryParams::new(params)?);
+        Ok(())
+    };
+    mw.on_params(&read, Box::new(take));
     let mut node = Node {
         news,
         out: Outputs::new(mw)?,
@@ -523,8 +521,7 @@ fn method(
     control: &Control,
 ) -> Result<Vec<Found>> {
     let mut joint = Joint::read(paths)?;
-    let name =
-        |path: &PathBuf| path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
+    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let names: Vec<String> = paths.iter().map(name).collect();
     let mut stems = names.iter().map(|name| name.strip_suffix(".csv").unwrap_or(name));
     let batch_id = match regime {
@@ -535,10 +532,7 @@ fn method(
     let (start, end) = joint.span();
     let mut found = Vec::new();
     for part in joint.parts(people_of(params))? {
-        let part = match regime {
-            Some(regime) => regime.of_present(part, &names)?,
-            None => part,
-        };
+        let part = if let Some(regime) = regime { regime.of_present(part, &names)? } else { part };
         let mut request = params.request.clone();
         let named = &params.request.settings.exogenous;
         let new = part.exogenous.iter().filter(|name| !named.contains(name)).cloned();

@@ -113,6 +113,7 @@ fn spec_of(setting: &'static Setting) -> ParamSpec {
     };
     let default = setting.as_param(&default);
     let number = || default.parse::<f64>().unwrap_or_default();
+    let int = || Value::Int(number() as i64);
     let range = |least: f64, most: f64| Allowed::Range(number().min(least), most);
     // A level is neither 0 nor 1.
     let between = |least: f64, most: f64| match most {
@@ -122,11 +123,9 @@ fn spec_of(setting: &'static Setting) -> ParamSpec {
     let (value, allowed) = match setting.kind {
         Kind::Flag => (Value::Bool(default == "true"), Allowed::Any),
         // The largest whole number that is a number without loss, but for a few.
-        Kind::Count(least, most) => {
-            (Value::Int(number() as i64), range(least as f64, (most as f64).min(9e15)))
-        }
-        Kind::Lag => (Value::Int(number() as i64), range(0.0, 100_000.0)),
-        Kind::Bytes => (Value::Int(number() as i64), range(0.0, 1e9)),
+        Kind::Count(least, most) => (int(), range(least as f64, (most as f64).min(9e15))),
+        Kind::Lag => (int(), range(0.0, 100_000.0)),
+        Kind::Bytes => (int(), range(0.0, 1e9)),
         Kind::Number(least, most) | Kind::NumberOr(least, most, _) => {
             (Value::Double(number()), between(least, most))
         }
@@ -176,13 +175,9 @@ fn request_of(params: &Params, program: bool) -> Result<Request> {
     for setting in &SETTINGS {
         let text = params.text(setting.param);
         // A program is not a method that is known here. The usual effects count as far as their columns are there.
-        let is_usual = |text: &str| {
-            setting.id == "acts_on"
-                && OF_SETTINGS
-                    .iter()
-                    .any(|spec| spec.name == setting.param && spec.default.to_string() == text)
-        };
-        if (program && setting.id == "method") || is_usual(&text) {
+        let usual = |spec: &ParamSpec| spec.name == setting.param && spec.default.to_string() == text;
+        let is_usual = setting.id == "acts_on" && OF_SETTINGS.iter().any(usual);
+        if (program && setting.id == "method") || is_usual {
             continue;
         }
         let value = match setting.kind {

@@ -94,14 +94,10 @@ impl<M: Middleware> Health<M> {
         let message = trouble.map(str::to_owned).or(silent);
         self.tell(message.as_deref());
         let pair = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
-        let mut values: Vec<KeyValue> = self
-            .inputs
-            .iter()
-            .map(|input| pair(&format!("received {}", input.topic), input.heard.to_string()))
-            .collect();
-        values.extend(
-            mw.lost().into_iter().map(|(topic, count)| pair(&format!("lost {topic}"), count.to_string())),
-        );
+        let received = |input: &Input| pair(&format!("received {}", input.topic), input.heard.to_string());
+        let lost = |(topic, count): (String, u64)| pair(&format!("lost {topic}"), count.to_string());
+        let mut values: Vec<KeyValue> = self.inputs.iter().map(received).collect();
+        values.extend(mw.lost().into_iter().map(lost));
         values.push(pair("sent", self.outputs.to_string()));
         values.extend(figures().into_iter().map(|(key, value)| pair(key, value)));
         let status = DiagnosticStatus {

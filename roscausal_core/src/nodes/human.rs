@@ -7,7 +7,7 @@ use std::{
 
 use roscausal_msgs::{
     HumanState, Humans, RobotState, Time,
-    geometry_msgs::{Point, Pose2D, PoseArray, PoseStamped},
+    geometry_msgs::{Point, Pose, Pose2D, PoseArray, PoseStamped, Quaternion, Twist},
     hri_msgs, pedsim_msgs, people_msgs, spencer_tracking_msgs,
     std_msgs::Header,
     tf2_msgs::TFMessage,
@@ -24,7 +24,7 @@ use crate::{
     people::{Reader, Tracker},
     signal::Definitions,
     state::{
-        human::{PeopleTracker, Sighting, id_of_number},
+        human::{PeopleTracker, Sighting, id_of_number, walking},
         identity::{Gates, Who},
     },
 };
@@ -196,6 +196,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
             everybody.publish(&people)?;
             health.sent();
         }
+        let unreadable = || readers.iter().map(|(_, reader)| reader.unreadable()).sum::<u64>();
         let figures = || {
             [
                 ("no transform in time", tracker.without_transform.to_string()),
@@ -203,10 +204,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
                 ("seen twice at one stamp", tracker.repeated.to_string()),
                 (labels::NAMES, tracker.identities.names.reported()),
                 (labels::CHANGED, tracker.identities.changed()),
-                (
-                    "not readable",
-                    readers.iter().map(|(_, reader)| reader.unreadable()).sum::<u64>().to_string(),
-                ),
+                ("not readable", unreadable().to_string()),
                 ("dropped", inbox.dropped().to_string()),
             ]
         };
@@ -316,10 +314,7 @@ fn of_agents(message: pedsim_msgs::AgentStates) -> Vec<(Who, Sighting)> {
     of_tracks(&message.header, agents)
 }
 
-fn of_tracks(
-    header: &Header,
-    tracks: impl Iterator<Item = (u64, roscausal_msgs::geometry_msgs::Pose, roscausal_msgs::geometry_msgs::Twist)>,
-) -> Vec<(Who, Sighting)> {
+fn of_tracks(header: &Header, tracks: impl Iterator<Item = (u64, Pose, Twist)>) -> Vec<(Who, Sighting)> {
     let sighting = |(id, pose, twist)| {
         let (id, twist) = (id_of_number(id), Some(twist));
         (Who::Number(id), Sighting { id, header: header.clone(), pose, twist, goal: None })
@@ -330,14 +325,10 @@ fn of_tracks(
 fn of_people(message: people_msgs::People) -> Vec<(Who, Sighting)> {
     let header = message.header;
     let sighting = |person: people_msgs::Person| {
-        let mut sighting = Sighting { header: header.clone(), ..Sighting::default() };
-        let mut twist = roscausal_msgs::geometry_msgs::Twist::default();
-        (twist.linear.x, twist.linear.y) = (person.velocity.x, person.velocity.y);
-        let heading = person.velocity.y.atan2(person.velocity.x);
-        sighting.pose.position = person.position;
-        sighting.pose.orientation = roscausal_msgs::geometry_msgs::Quaternion::from_yaw(heading);
-        sighting.twist = Some(twist);
-        (Who::Name(person.name), sighting)
+        let (x, y) = (person.velocity.x, person.velocity.y);
+        let pose = Pose { position: person.position, orientation: Quaternion::from_yaw(y.atan2(x)) };
+        let twist = Some(walking([x, y]));
+        (Who::Name(person.name), Sighting { id: 0, header: header.clone(), pose, twist, goal: None })
     };
     message.people.into_iter().map(sighting).collect()
 }
@@ -425,14 +416,8 @@ impl Frames {
 /// The goal parameter, under the name that the user gave.
 fn goal_spec(name: String) -> ParamSpec {
     // One small string per run of a node. The specification needs a name that lives as long as the program.
-    let name: &'static str = Box::leak(name.into_boxed_str());
-    ParamSpec::new(
-        name,
-        Value::List(Vec::new()),
-        Allowed::Any,
-        "the person's goal [x, y] in the target frame",
-    )
-    .live()
+    let description = "the person's goal [x, y] in the target frame";
+    ParamSpec::new(name.leak(), Value::List(Vec::new()), Allowed::Any, description).live()
 }
 
 fn point(value: &Value) -> Option<Point> {

@@ -99,14 +99,8 @@ fn picture(robot: Option<&RobotState>, humans: &Humans, options: &SceneOptions) 
     for person in &humans.humans {
         let is_chosen = chosen.as_ref().is_some_and(|chosen| chosen.id == person.id);
         let id = person.id as i32;
-        pen.solid(
-            "people",
-            id,
-            Marker::CYLINDER,
-            &person.pose2d,
-            [0.5, 0.5, 1.7],
-            if is_chosen { CHOSEN } else { OTHER },
-        );
+        let colour = if is_chosen { CHOSEN } else { OTHER };
+        pen.solid("people", id, Marker::CYLINDER, &person.pose2d, [0.5, 0.5, 1.7], colour);
         pen.name(id, &person.pose2d);
         if is_chosen {
             pen.goal("person_goal", &person.pose2d, &person.goal);
@@ -157,10 +151,8 @@ impl Pen {
         let mut marker = self.marker(ns, id, kind, colour);
         let theta = if at.theta.is_finite() { at.theta } else { 0.0 };
         let [x, y, z] = size;
-        marker.pose = Pose {
-            position: Point { x: at.x, y: at.y, z: z / 2.0 },
-            orientation: Quaternion::from_yaw(theta),
-        };
+        let position = Point { x: at.x, y: at.y, z: z / 2.0 };
+        marker.pose = Pose { position, orientation: Quaternion::from_yaw(theta) };
         marker.scale = Vector3 { x, y, z };
         self.markers.push(marker);
     }

@@ -76,14 +76,9 @@ impl Planner {
         }
         let name = format!("{}/roscausal_own_{}", self.name, self.parameter);
         // Once in a run of a node: a specification's name lives as long as the program.
-        let spec = ParamSpec::new(
-            name.clone().leak(),
-            Value::Double(0.0),
-            Allowed::Any,
-            "the planner's own top speed",
-        );
-        let kept = mw.param(&spec)?.and_then(|value| value.as_double());
-        let own = match kept {
+        let description = "the planner's own top speed";
+        let spec = ParamSpec::new(name.clone().leak(), Value::Double(0.0), Allowed::Any, description);
+        let own = match mw.param(&spec)?.and_then(|value| value.as_double()) {
             Some(own) => own,
             None => {
                 let own = self.ask(mw, Config::default())?;

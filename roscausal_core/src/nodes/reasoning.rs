@@ -309,16 +309,12 @@ impl<M: Middleware> Node<M> {
             let reason = format!(
                 "the model has a step of {of_model} s and the rows one of {step} s; give the data node that dt, or wait for a new model"
             );
-            self.no_model(reason);
-            return;
+            return self.no_model(reason);
         }
         facts.dt = facts.dt.or(step);
         let data = match self.rows.data(wanted.graph.names(), &self.context) {
             Ok(data) => data,
-            Err(error) => {
-                self.no_model(error.to_string());
-                return;
-            }
+            Err(error) => return self.no_model(error.to_string()),
         };
         let (number, graph) = (wanted.number, wanted.graph.clone());
         let (settings, acts_on, pool) =
@@ -329,8 +325,7 @@ impl<M: Middleware> Node<M> {
         };
         (self.fitting, self.fitted_since) = (true, wanted.since);
         if self.in_line {
-            self.take_fit(number, work(data));
-            return;
+            return self.take_fit(number, work(data));
         }
         let inbox = self.fitted.clone();
         let begun = thread::Builder::new().name("reasoning-fit".into()).spawn(move || {
@@ -382,23 +377,19 @@ impl<M: Middleware> Node<M> {
             return Ok(model.clone());
         }
         let (rows, least) = (self.rows.len(), self.params.min_samples);
-        Err(match (&self.refused, &self.wanted) {
-            (Some(reason), _) => (Status::NoModel, reason.clone()),
-            (None, None) => (
-                Status::NoModel,
-                "there is no causal model yet; start roscausal_discovery, or give a file as parameter graph"
-                    .into(),
+        let no_model = |reason: &str| Err((Status::NoModel, reason.to_owned()));
+        match (&self.refused, &self.wanted) {
+            (Some(reason), _) => no_model(reason),
+            (None, None) => no_model(
+                "there is no causal model yet; start roscausal_discovery, or give a file as parameter graph",
             ),
-            (None, Some(_)) if rows < least => (
-                Status::NoData,
-                format!(
-                    "there are {rows} rows and {least} are needed (min_samples); ask again later, or give batches as parameter data"
-                ),
-            ),
-            (None, Some(_)) => {
-                (Status::NoModel, "the model is being fitted; ask again in a few seconds".into())
+            (None, Some(_)) if rows < least => {
+                let way = "ask again later, or give batches as parameter data";
+                let reason = format!("there are {rows} rows and {least} are needed (min_samples); {way}");
+                Err((Status::NoData, reason))
             }
-        })
+            (None, Some(_)) => no_model("the model is being fitted; ask again in a few seconds"),
+        }
     }
 
     /// Model and rows for a question about a stamp (0: the newest).
@@ -432,14 +423,12 @@ impl<M: Middleware> Node<M> {
     ) {
         self.figures[2] += 1;
         if self.in_line {
-            reply.send(self.pool.install(compute));
-            return;
+            return reply.send(self.pool.install(compute));
         }
         if self.open.fetch_add(1, Ordering::Relaxed) >= MOST_QUESTIONS {
             self.open.fetch_sub(1, Ordering::Relaxed);
             let reason = format!("{MOST_QUESTIONS} questions are open; wait for their answers");
-            reply.send(refuse(Status::BadRequest, reason));
-            return;
+            return reply.send(refuse(Status::BadRequest, reason));
         }
         let open = Open(self.open.clone());
         self.pool.spawn(move || {

@@ -69,28 +69,25 @@ pub(super) fn what_if(
         };
         Ok(made.during(one.first_step as usize, one.last_step as usize))
     };
-    let mut actions = Vec::new();
-    for action in request.actions {
-        let interventions = action.interventions.into_iter().map(own).collect::<Result<_, _>>()?;
-        actions.push(Action { name: action.name, interventions });
-    }
+    let action = |action: roscausal_msgs::Action| {
+        let interventions = action.interventions.into_iter().map(own).collect::<Result<_, String>>()?;
+        Ok(Action { name: action.name, interventions })
+    };
+    let actions = request.actions.into_iter().map(action).collect::<Result<_, String>>()?;
     let bound = |value: f64| Some(value).filter(|value| !value.is_nan());
+    let limit = |l: roscausal_msgs::Limit| Limit {
+        variable: l.variable,
+        above: bound(l.above),
+        below: bound(l.below),
+        probability: l.probability,
+    };
     Ok(WhatIf {
         counterfactual: request.counterfactual,
         horizon: if request.horizon == 0 { horizon } else { request.horizon as usize },
         actions,
         variables: request.variables,
         cost: request.cost.into_iter().map(|c| CostTerm { variable: c.variable, weight: c.weight }).collect(),
-        limits: request
-            .limits
-            .into_iter()
-            .map(|l| Limit {
-                variable: l.variable,
-                above: bound(l.above),
-                below: bound(l.below),
-                probability: l.probability,
-            })
-            .collect(),
+        limits: request.limits.into_iter().map(limit).collect(),
         allow_extrapolation: request.allow_extrapolation,
         paths,
         seed,

@@ -221,10 +221,8 @@ impl Rows {
     ) -> std::result::Result<Moment, (bool, String)> {
         let columns = self.columns_of(variables).map_err(|reason| (false, reason))?;
         let Some(newest) = self.rows.back() else {
-            return Err((
-                true,
-                "there are no rows yet; the data node publishes them on /roscausal/features".into(),
-            ));
+            let reason = "there are no rows yet; the data node publishes them on /roscausal/features";
+            return Err((true, reason.into()));
         };
         let step = self.step_ns.unwrap_or(0);
         let (row, last) = match stamp {
@@ -246,20 +244,15 @@ impl Rows {
         let before = self.rows.iter().take(last).rev().take_while(|row| row.segment == segment).count();
         let rows: Vec<&Row> =
             self.rows.iter().skip(last - before).take_while(|row| row.segment == segment).collect();
-        Ok(Moment {
-            rows: matrix(&rows, &columns),
-            now: before,
-            stamps: rows.iter().map(|row| row.stamp_ns).collect(),
-        })
+        let stamps = rows.iter().map(|row| row.stamp_ns).collect();
+        Ok(Moment { rows: matrix(&rows, &columns), now: before, stamps })
     }
 
     /// Whether one of these columns is not 0 in the newest row.
     pub(super) fn is_imposed(&self, context: &[String]) -> bool {
         let Some(newest) = self.rows.back() else { return false };
-        context
-            .iter()
-            .filter_map(|name| names::position(&self.columns, name))
-            .any(|column| newest.values.get(column).is_some_and(|value| *value != 0.0 && !value.is_nan()))
+        let mut columns = context.iter().filter_map(|name| names::position(&self.columns, name));
+        columns.any(|column| newest.values.get(column).is_some_and(|value| *value != 0.0 && !value.is_nan()))
     }
 }
 

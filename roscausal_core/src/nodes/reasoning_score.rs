@@ -67,11 +67,9 @@ impl Score {
                 if !(value.is_finite() && mean.is_finite() && last.is_finite() && deviation > 0.0) {
                     continue;
                 }
-                if (*lower..=*upper).contains(&value) {
-                    scored.inside += 1;
-                } else {
-                    scored.outside += 1;
-                }
+                let is_inside = (*lower..=*upper).contains(&value);
+                scored.inside += usize::from(is_inside);
+                scored.outside += usize::from(!is_inside);
                 scored.own += ((value - mean) / deviation).powi(2);
                 scored.other += ((value - last) / deviation).powi(2);
             }

@@ -6,7 +6,7 @@
 
 use std::{
     collections::BTreeMap,
-    fs::{self, File, TryLockError},
+    fs::{self, File},
     path::{Path, PathBuf},
 };
 
@@ -23,7 +23,7 @@ use crate::{
     Error, Result, Time,
     batch::{
         joint::{Joint, Part, People},
-        pool::{Claim, Pool, sidecar, write_whole},
+        pool::{Claim, Pool, sidecar, try_lock, write_whole},
     },
     error::parameter,
 };
@@ -109,14 +109,10 @@ impl Rolling {
         let dir = pool.path(FOLDER);
         fs::create_dir_all(&dir).map_err(|e| Error::file(&dir, e))?;
         let lock = File::open(&dir).map_err(|e| Error::file(&dir, e))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                let reason =
-                    format!("another node keeps its regime in {}; give each its own folder", dir.display());
-                return Err(Error::param("data_dir", reason));
-            }
-            Err(TryLockError::Error(e)) => return Err(Error::file(&dir, e)),
+        if !try_lock(&lock, &dir)? {
+            let reason =
+                format!("another node keeps its regime in {}; give each its own folder", dir.display());
+            return Err(Error::param("data_dir", reason));
         }
         let path = dir.join(FILE);
         let regime = match fs::read(&path) {
@@ -208,16 +204,10 @@ impl Regime {
             self.whose.insert(key, whose);
             let (reported, n_changes) = reported?;
             self.n_changes = n_changes;
-            for (event, reported, changed) in reported {
+            for (event, told, changed_from_to) in reported {
                 self.n_events += 1;
                 let (number, batch) = (self.n_events, stem(new.name));
-                self.events.push(RecordedChange {
-                    number,
-                    event,
-                    batch,
-                    told: reported,
-                    changed_from_to: changed,
-                });
+                self.events.push(RecordedChange { number, event, batch, told, changed_from_to });
             }
         }
         self.events.drain(..self.events.len().saturating_sub(EVENTS));
@@ -292,12 +282,8 @@ impl Regime {
 
     /// Number of the present regime of whoever had most, from 1; 0 without detector.
     pub(super) fn number(&self) -> usize {
-        self.whose
-            .values()
-            .filter_map(|whose| whose.detector.as_ref())
-            .map(Detector::regime)
-            .max()
-            .unwrap_or(0)
+        let detectors = self.whose.values().filter_map(|whose| whose.detector.as_ref());
+        detectors.map(Detector::regime).max().unwrap_or(0)
     }
 
     /// How many of the last events have this status.
@@ -361,11 +347,8 @@ impl Whose {
         let size =
             if params.change_rows == 0 { rows } else { params.change_rows }.max(detector.fewest_rows());
         if rows < detector.fewest_rows() {
-            let fewest = detector.fewest_rows();
-            tracing::warn!(
-                "{}: {rows} rows; a change is looked for in batches of {fewest} or more",
-                new.name
-            );
+            let (name, fewest) = (new.name, detector.fewest_rows());
+            tracing::warn!("{name}: {rows} rows; a change is looked for in batches of {fewest} or more");
         }
         let (before, fitted) = (detector.regime(), detector.misfit().is_none());
         let events = detector.read_in_parts(values.view(), &[], size, control)?;

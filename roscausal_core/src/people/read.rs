@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, sync::Arc};
 use roscausal_msgs::{
     Fault, Time,
     dynamic::{Found, Path, Query, Rows, Schema, Wire},
-    geometry_msgs::{Point, Pose, Quaternion, Twist},
+    geometry_msgs::{Point, Pose, Quaternion},
     std_msgs::Header,
 };
 
@@ -18,7 +18,7 @@ use crate::{
     middleware::{Raw, RawType},
     signal::Definitions,
     state::{
-        human::{Sighting, id_of_number},
+        human::{Sighting, id_of_number, walking},
         identity::Who,
     },
 };
@@ -118,17 +118,13 @@ impl Reader {
             self.bound = bound.ok();
         }
         let Some(bound) = &self.bound else { return Seen::default() };
-        let read = bound.read(&message.bytes);
-        match read {
+        match bound.read(&message.bytes) {
             Ok((header, rows)) => self.people(header, &rows),
             Err(fault) => {
                 self.unreadable += 1;
                 if self.unreadable.is_power_of_two() {
-                    tracing::warn!(
-                        "{}: message {} that cannot be read: {fault}",
-                        self.tracker.topic,
-                        self.unreadable
-                    );
+                    let (topic, count) = (&self.tracker.topic, self.unreadable);
+                    tracing::warn!("{topic}: message {count} that cannot be read: {fault}");
                 }
                 Seen::default()
             }
@@ -335,9 +331,8 @@ impl Binder<'_> {
             columns.orientation = self.first(&[&base], &[parts]).map(|(parts, _)| parts);
             columns.yaw = self.first(&[&base], &[["theta"]]).map(|([yaw], _)| yaw);
         }
-        columns.velocity = self
-            .first(layout.velocity, &[["linear.x", "linear.y"], ["x", "y"], ["[0]", "[1]"]])
-            .map(|found| found.0);
+        let of_velocity = [["linear.x", "linear.y"], ["x", "y"], ["[0]", "[1]"]];
+        columns.velocity = self.first(layout.velocity, &of_velocity).map(|found| found.0);
         columns.goal = self.first(layout.goal, &FLAT).map(|found| found.0);
         columns.frame = self.first(layout.header, &[["frame_id"]]).map(|([frame], _)| frame);
         columns.stamp = self.first(layout.header, &[["stamp"]]).map(|([stamp], _)| stamp);
@@ -403,11 +398,7 @@ impl Columns {
         }
         let velocity = self.velocity.map(|parts| parts.map(|part| number(row, part)));
         let velocity = velocity.filter(|parts| parts.iter().all(|part| part.is_finite()));
-        let twist = velocity.map(|[x, y]| {
-            let mut twist = Twist::default();
-            (twist.linear.x, twist.linear.y) = (x, y);
-            twist
-        });
+        let twist = velocity.map(walking);
         let heading = self.yaw.map(|yaw| number(row, yaw)).filter(|yaw| yaw.is_finite());
         let heading = heading.or_else(|| velocity.map(|[x, y]| y.atan2(x)));
         let orientation = match self.orientation {

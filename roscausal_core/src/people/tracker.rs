@@ -9,10 +9,7 @@
 use roscausal_msgs::dynamic::Path;
 
 use crate::{
-    batch::{
-        Values,
-        expression::{Expression, Moment, Who},
-    },
+    batch::expression::{Expression, Moment},
     middleware::is_token,
 };
 
@@ -128,24 +125,8 @@ impl Tracker {
 pub(super) struct Entry<'a>(pub(super) &'a dyn Fn(usize) -> f64);
 
 impl Moment for Entry<'_> {
-    fn time(&self) -> f64 {
-        f64::NAN
-    }
-
-    fn body(&self, _: Who) -> &Values {
-        &Values::UNKNOWN
-    }
-
-    fn risk(&self, _: Who, _: Who) -> f64 {
-        f64::NAN
-    }
-
     fn cell(&self, column: usize) -> f64 {
         (self.0)(column)
-    }
-
-    fn earlier(&self, _: usize) -> Option<Self> {
-        None
     }
 }
 

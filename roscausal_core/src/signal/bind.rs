@@ -96,10 +96,8 @@ impl Binder<'_> {
             Node::Delay => {
                 let header = self.schema.root().fields.first();
                 if header.is_none_or(|field| field.name != "header") {
-                    return Err(format!(
-                        "{} has no header, so nothing tells when it was stamped",
-                        self.schema.root().name
-                    ));
+                    let name = &self.schema.root().name;
+                    return Err(format!("{name} has no header, so nothing tells when it was stamped"));
                 }
                 Part::Delay
             }
@@ -151,19 +149,12 @@ impl Binder<'_> {
 
     fn of(&self, of: Of, path: &Path) -> Result<Part, String> {
         if of == Of::Count {
-            return self
-                .schema
-                .count(path)
-                .map(|query| Part::Of(of, query))
-                .map_err(|e| self.reported(path, &e));
+            let count = self.schema.count(path).map_err(|error| self.reported(path, &error));
+            return count.map(|query| Part::Of(of, query));
         }
         let (kind, array) = self.schema.at(path).map_err(|error| self.reported(path, &error))?;
-        let fields = |names: &[&str]| -> Option<Vec<Query>> {
-            names
-                .iter()
-                .map(|name| self.schema.query(&path.field(name)).ok().filter(|q| !q.is_list()))
-                .collect()
-        };
+        let field = |name: &&str| self.schema.query(&path.field(name)).ok().filter(|query| !query.is_list());
+        let fields = |names: &[&str]| names.iter().map(field).collect::<Option<Vec<Query>>>();
         let is_one = matches!((kind, array), (Kind::Struct(_), Array::One));
         match of {
             Of::Length => self.way(path, array),
@@ -198,10 +189,8 @@ impl Binder<'_> {
             POINTS.into_iter().flat_map(|point| [(point, &["x", "y", "z"][..]), (point, &["x", "y"])]);
         let found = forms.filter(|_| array != Array::One).find_map(|(point, names)| {
             let point = point.iter().fold(path.all(), |path, name| path.field(name));
-            names
-                .iter()
-                .map(|name| self.schema.query(&point.field(name)).ok())
-                .collect::<Option<Vec<Query>>>()
+            let part = |name: &&str| self.schema.query(&point.field(name)).ok();
+            names.iter().map(part).collect::<Option<Vec<Query>>>()
         });
         found
             .map(Part::Length)
@@ -291,10 +280,9 @@ impl Part {
                 way(&parts.collect::<Result<Vec<_>, Fault>>()?)
             }
             Self::Angle(of, [x, y, z, w]) => euler(*of, [one(x)?, one(y)?, one(z)?, one(w)?]),
-            Self::Hertz(memory) => match step(memories, *memory, scope.arrived, 0.0) {
-                Some((seconds, _)) => 1.0 / seconds,
-                None => f64::NAN,
-            },
+            Self::Hertz(memory) => {
+                step(memories, *memory, scope.arrived, 0.0).map_or(f64::NAN, |(seconds, _)| 1.0 / seconds)
+            }
             Self::Delay => scope.header.map_or(f64::NAN, |stamp| scope.arrived.secs_since(stamp)),
             Self::Rate { memory, is_angle, of } => {
                 let value = of.value(scope, memories)?;
@@ -316,7 +304,7 @@ impl Part {
             }
             Self::Binary(operator, a, b) if is_text(a) => {
                 let same = a.text(scope)? == b.text(scope)?;
-                f64::from(u8::from(same == (*operator == Operator::Equal)))
+                f64::from(same == (*operator == Operator::Equal))
             }
             Self::Binary(operator, a, b) => operator.of(a.value(scope, memories)?, b.value(scope, memories)?),
         })

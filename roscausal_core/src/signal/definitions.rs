@@ -157,14 +157,8 @@ fn known(kind: &RawType) -> Option<String> {
 fn uses(type_name: &str, text: &str) -> Vec<String> {
     let package = type_name.split('/').next().unwrap_or_default();
     let named = |line: &str| {
-        let base = line
-            .split('#')
-            .next()?
-            .split_whitespace()
-            .next()?
-            .split(['[', '<'])
-            .next()?
-            .replace("/msg/", "/");
+        let word = line.split('#').next()?.split_whitespace().next()?;
+        let base = word.split(['[', '<']).next()?.replace("/msg/", "/");
         if base.contains('/') {
             return Some(base);
         }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Error, Result,
-    grammar::{FUNCTIONS, Language, Operator, Parsed, Scanner},
+    grammar::{FUNCTIONS, Language, Operator, Parsed, Scanner, rejoined},
     middleware::is_token,
     params::nearest,
 };
@@ -105,11 +105,9 @@ impl Signal {
     /// What is wrong and where, as an error of `param`.
     pub fn parse(text: &str, max_age: f64, param: &str) -> Result<Self> {
         let fault = |reason: String| Error::param(param, reason);
-        if text.len() > LONGEST {
-            return Err(fault(format!(
-                "a signal of {} characters is too long; allowed: {LONGEST}",
-                text.len()
-            )));
+        let length = text.len();
+        if length > LONGEST {
+            return Err(fault(format!("a signal of {length} characters is too long; allowed: {LONGEST}")));
         }
         let Some((name, expression)) = text.split_once('=') else {
             return Err(fault(format!("'{text}' has no '='; write name = expression, such as '{EXAMPLE}'")));
@@ -136,17 +134,8 @@ impl Signal {
     /// # Errors
     /// A bad signal, or a name that occurs twice.
     pub fn parse_all(items: &[String], max_age: f64, param: &str) -> Result<Vec<Self>> {
-        let mut texts: Vec<String> = Vec::new();
-        for item in items.iter().flat_map(|item| item.split(';')).filter(|item| !item.trim().is_empty()) {
-            let begins = item.split_once('=').is_some_and(|(name, _)| is_token(name.trim()));
-            match texts.last_mut() {
-                Some(open) if !begins => {
-                    open.push(',');
-                    open.push_str(item);
-                }
-                _ => texts.push(item.to_owned()),
-            }
-        }
+        let begins = |item: &str| item.split_once('=').is_some_and(|(name, _)| is_token(name.trim()));
+        let texts = rejoined(items, begins);
         let signals: Vec<Self> =
             texts.iter().map(|text| Self::parse(text, max_age, param)).collect::<Result<_>>()?;
         for (place, signal) in signals.iter().enumerate() {

@@ -57,7 +57,7 @@ struct Placed {
 }
 
 /// The people who are there now.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct PeopleTracker {
     target_frame: String,
     /// Frame of people whose topic names none.
@@ -99,21 +99,8 @@ impl PeopleTracker {
             target_frame: target_frame.trim_start_matches('/').to_owned(),
             source_frame: source_frame.to_owned(),
             timeout_s,
-            people: BTreeMap::new(),
-            motions: BTreeMap::new(),
-            noise_m: 0.0,
             identities: Identities::new(GATES),
-            goal: None,
-            goals: BTreeMap::new(),
-            newest: Time::ZERO,
-            older: Vec::new(),
-            waiting: VecDeque::new(),
-            people_waiting: 0,
-            placed: Time::ZERO,
-            without_transform: 0,
-            repeated: 0,
-            tf: TfBuffer::default(),
-            trouble: None,
+            ..Self::default()
         }
     }
 
@@ -328,11 +315,7 @@ impl PeopleTracker {
                 None
             }
         };
-        let mut twist = unknown_velocity();
-        if let Some([x, y]) = velocity {
-            (twist.linear.x, twist.linear.y) = (x, y);
-        }
-        twist
+        walking(velocity.unwrap_or([f64::NAN; 2]))
     }
 }
 
@@ -340,9 +323,10 @@ fn is_known(goal: &Point) -> bool {
     goal.x.is_finite() && goal.y.is_finite()
 }
 
-fn unknown_velocity() -> Twist {
+/// A velocity on the floor.
+pub(crate) fn walking([x, y]: [f64; 2]) -> Twist {
     let mut twist = Twist::default();
-    (twist.linear.x, twist.linear.y) = (f64::NAN, f64::NAN);
+    (twist.linear.x, twist.linear.y) = (x, y);
     twist
 }
 

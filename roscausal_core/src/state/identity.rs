@@ -45,12 +45,8 @@ impl Names {
         let mut reported: Vec<(u32, &str)> =
             reported.map(|(name, number)| (*number, name.as_str())).collect();
         reported.sort_unstable();
-        reported
-            .iter()
-            .take(20)
-            .map(|(number, name)| format!("{number} = {name}"))
-            .collect::<Vec<_>>()
-            .join(", ")
+        let reported = reported.iter().take(20).map(|(number, name)| format!("{number} = {name}"));
+        reported.collect::<Vec<_>>().join(", ")
     }
 }
 
@@ -83,7 +79,7 @@ pub struct Gates {
 }
 
 /// The ids of all people of one node.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Identities {
     /// Numbers of names.
     pub names: Names,
@@ -109,10 +105,8 @@ impl Identities {
     /// Where numbers are not joined: how often a new one began where another had ended within two seconds, and the first such pair;
     /// empty if never.
     pub fn changed(&self) -> String {
-        match self.lost.first.filter(|_| !self.rejoins) {
-            Some((old, new)) => format!("{}, the first: {new} where {old} was", self.lost.changes),
-            None => String::new(),
-        }
+        let Some((old, new)) = self.lost.first.filter(|_| !self.rejoins) else { return String::new() };
+        format!("{}, the first: {new} where {old} was", self.lost.changes)
     }
 
     /// The ids of the people of one message, who are at these places, all in one frame.
@@ -162,10 +156,8 @@ impl Lost {
         }
         // A number that is known keeps its person, unless the person is here already.
         let mut here = BTreeSet::new();
-        let mut people: Vec<Option<u32>> = numbers
-            .iter()
-            .map(|number| self.person.get(number).copied().filter(|person| here.insert(*person)))
-            .collect();
+        let known = |number: &u32| self.person.get(number).copied().filter(|person| here.insert(*person));
+        let mut people: Vec<Option<u32>> = numbers.iter().map(known).collect();
         let mut pairs = Vec::new();
         for (place, _) in people.iter().enumerate().filter(|(_, person)| person.is_none()) {
             for (person, (seen, at)) in self.last.iter().filter(|(person, _)| !here.contains(*person)) {
@@ -199,7 +191,7 @@ impl Lost {
 }
 
 /// Tracks of people who are seen without identity: each sighting goes to the nearest track, if that is within the gate.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Tracks {
     gate_m: f64,
     keep_s: f64,
@@ -213,7 +205,7 @@ impl Tracks {
     /// Sightings at most `gate_m` (and 2 m for each second since) from a track belong to it. A track that was not seen for
     /// `keep_s` ends.
     pub fn new(gate_m: f64, keep_s: f64) -> Self {
-        Self { gate_m, keep_s, next: 0, taken: BTreeSet::new(), tracks: Vec::new() }
+        Self { gate_m, keep_s, ..Self::default() }
     }
 
     /// Leaves a number to somebody else.
@@ -280,9 +272,8 @@ fn hashed(bytes: &[u8]) -> u32 {
 
 /// An id for a person whose tracker uses text: the digits at its end, otherwise a hash of the text.
 pub fn id_of(name: &str) -> u32 {
-    let digits: String = name.chars().rev().take_while(char::is_ascii_digit).collect();
-    let number: String = digits.chars().rev().collect();
-    number.parse().unwrap_or_else(|_| hashed(name.as_bytes()))
+    let before = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    name[before.len()..].parse().unwrap_or_else(|_| hashed(name.as_bytes()))
 }
 
 #[cfg(test)]

@@ -123,7 +123,7 @@ impl RobotTracker {
     pub fn transforms(&mut self, message: &TFMessage, fixed: bool) -> Vec<RobotState> {
         self.tf.insert(message, fixed);
         let mut states = self.states();
-        if let (Some(frame), true, false) = (self.pose_frame.clone(), self.past.is_some(), fixed) {
+        if let Some(frame) = self.pose_frame.clone().filter(|_| self.past.is_some() && !fixed) {
             let Some(moving) = self.tf.moving(&frame).map(str::to_owned) else { return states };
             let moved = |child: &str| child.trim_start_matches('/') == moving;
             for transform in message.transforms.iter().filter(|transform| moved(&transform.child_frame_id)) {
@@ -146,12 +146,9 @@ impl RobotTracker {
 
     /// The stamp, or `now` if there is none. A clock that jumped back restarts everything.
     fn stamp(&mut self, stamp: Time, now: Time) -> Time {
-        let stamp = if stamp == Time::ZERO {
-            self.unstamped += 1;
-            now
-        } else {
-            stamp
-        };
+        let is_unstamped = stamp == Time::ZERO;
+        self.unstamped += u64::from(is_unstamped);
+        let stamp = if is_unstamped { now } else { stamp };
         if self.newest.is_some_and(|newest| newest.secs_since(stamp) > JUMP_S) {
             self.jumps += 1;
             self.newest = None;
@@ -215,19 +212,13 @@ impl RobotTracker {
             ("odometry's angular.z", twist.angular.z),
         ];
         if let Some((name, number)) = numbers.iter().find(|(_, number)| !number.is_finite()) {
-            return Err(Trouble::Number(format!(
-                "{name} is {number} at {:.3} s; no state was made of it",
-                header.stamp.as_secs_f64()
-            )));
+            let at = header.stamp.as_secs_f64();
+            return Err(Trouble::Number(format!("{name} is {number} at {at:.3} s; no state was made of it")));
         }
         let goal = self.goals.at(header.stamp).map_or_else(|| Ok(unknown()), |goal| self.in_target(goal));
         let goal = goal.map_err(Trouble::Transform)?;
-        Ok(RobotState {
-            header: Header { stamp: header.stamp, frame_id: self.target_frame.clone() },
-            pose2d,
-            twist: odometry.twist.twist,
-            goal,
-        })
+        let header = Header { stamp: header.stamp, frame_id: self.target_frame.clone() };
+        Ok(RobotState { header, pose2d, twist: odometry.twist.twist, goal })
     }
 
     /// The state with the speed that follows from the poses before, where no odometry tells it; `None` for the first pose.

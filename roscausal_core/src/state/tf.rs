@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, VecDeque};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use roscausal_msgs::{
     Time,
-    geometry_msgs::{Point, Pose, Pose2D, Transform},
+    geometry_msgs::{Point, Pose, Pose2D, Transform, Vector3},
     tf2_msgs::TFMessage,
 };
 
@@ -163,13 +163,9 @@ impl Frame {
         if stamp <= *first || stamp >= *last {
             let (near, place) = if stamp <= *first { (first, oldest) } else { (last, newest) };
             let away = near.secs_since(stamp).abs();
-            return if away <= EXTRAPOLATE_S {
-                Ok(*place)
-            } else {
-                Err(format!(
-                    "frame '{name}' is {away:.2} s away from the time asked for; is its publisher alive?"
-                ))
-            };
+            let hint = "is its publisher alive?";
+            let late = || format!("frame '{name}' is {away:.2} s away from the time asked for; {hint}");
+            return if away <= EXTRAPOLATE_S { Ok(*place) } else { Err(late()) };
         }
         let after = self.places.partition_point(|(s, _)| *s <= stamp);
         let ((t0, p0), (t1, p1)) = (&self.places[after - 1], &self.places[after]);
@@ -185,14 +181,8 @@ impl Frame {
 /// # Errors
 /// A pose that is not finite.
 pub fn planar_pose(place: &Isometry3<f64>, pose: &Pose) -> Result<Pose2D, String> {
-    let inner = Transform {
-        translation: roscausal_msgs::geometry_msgs::Vector3 {
-            x: pose.position.x,
-            y: pose.position.y,
-            z: pose.position.z,
-        },
-        rotation: pose.orientation,
-    };
+    let Point { x, y, z } = pose.position;
+    let inner = Transform { translation: Vector3 { x, y, z }, rotation: pose.orientation };
     let inner = isometry(&inner).ok_or("the pose holds NaN or infinity")?;
     Ok(planar(&(place * inner)))
 }

@@ -51,16 +51,8 @@ impl Db3 {
         let fail = |error: rusqlite::Error| Error::file(path, format!("no recording of ROS 2: {error}"));
         let missing = missing_bytes(path).map_err(|error| Error::file(path, error))?;
         let database = connect(path, missing.is_some()).map_err(fail)?;
-        let mut this = Self {
-            path: path.to_owned(),
-            database,
-            topics: Topics::default(),
-            numbers: HashMap::new(),
-            order: Vec::new(),
-            next: 0,
-            laps: Vec::new(),
-            damaged: None,
-        };
+        let (topics, numbers, order, next, laps, damaged) = Default::default();
+        let mut this = Self { path: path.to_owned(), database, topics, numbers, order, next, laps, damaged };
         this.read_topics().map_err(fail)?;
         let reason = match missing {
             Some(missing) => Some(format!("{missing} bytes at its end are missing")),
@@ -78,12 +70,9 @@ impl Db3 {
 
     fn read_topics(&mut self) -> rusqlite::Result<()> {
         // Later versions of the format have more columns. A missing column is not a fault.
-        let columns = self.columns("topics")?;
-        let profiles = if columns.iter().any(|column| column == "offered_qos_profiles") {
-            "offered_qos_profiles"
-        } else {
-            "''"
-        };
+        let profiles = "offered_qos_profiles";
+        let has_profiles = self.columns("topics")?.iter().any(|column| column == profiles);
+        let profiles = if has_profiles { profiles } else { "''" };
         let sql = format!("SELECT id, name, type, serialization_format, {profiles} FROM topics ORDER BY id");
         let mut statement = self.database.prepare(&sql)?;
         let topic = |row: &Row<'_>| {
@@ -228,10 +217,9 @@ impl Db3 {
         let mut damaged = self.damaged.take()?;
         for message in page.iter().filter_map(|(_, row)| damaged.messages.get(row)) {
             let Some(topic) = self.wanted(message.topic, wanted) else { continue };
+            let stamp = Time::from_nanos(message.stamp);
             match damaged.pages.data(message.place) {
-                Ok(bytes) => {
-                    out.push(Record { topic, lap: 0, stamp: Time::from_nanos(message.stamp), bytes })
-                }
+                Ok(bytes) => out.push(Record { topic, lap: 0, stamp, bytes }),
                 Err(error) => count(&mut lost, &error),
             }
         }

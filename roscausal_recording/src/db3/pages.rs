@@ -185,8 +185,7 @@ fn integer(kind: u64, body: &mut &[u8]) -> Option<i64> {
         8 | 9 => return Some((kind - 8).cast_signed()),
         _ => return None,
     };
-    let (bytes, rest) = body.split_at_checked(size)?;
-    *body = rest;
+    let bytes = body.split_off(..size)?;
     let sign = if bytes[0] & 0x80 == 0 { 0 } else { -1 };
     Some(bytes.iter().fold(sign, |value, byte| value << 8 | i64::from(*byte)))
 }
@@ -195,8 +194,7 @@ fn integer(kind: u64, body: &mut &[u8]) -> Option<i64> {
 fn varint(rest: &mut &[u8]) -> Option<u64> {
     let mut value = 0;
     for place in 0..9 {
-        let (byte, left) = rest.split_first()?;
-        *rest = left;
+        let byte = rest.split_off_first()?;
         if place == 8 {
             return Some(value << 8 | u64::from(*byte));
         }

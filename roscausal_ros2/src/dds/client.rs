@@ -65,15 +65,8 @@ impl Participant {
         let fail = |reason: String| Error::Service { service: service.to_owned(), reason };
         let full = Name::parse(service).map_err(|error| fail(error.to_string()))?;
         let kind = ServiceTypeName::new(S::PACKAGE, S::NAME);
-        let client = self.session(|session| {
-            session.node.create_client::<Carried<S::Request>, Carried<S::Response>>(
-                mapping(),
-                &full,
-                &kind,
-                requests(),
-                answers(),
-            )
-        })?;
+        let client = self
+            .session(|session| session.node.create_client(mapping(), &full, &kind, requests(), answers()))?;
         let client = client.map_err(|error| fail(error.to_string()))?;
         self.announce();
         Ok(Asker { client, since: Instant::now() })

@@ -92,9 +92,7 @@ impl Graph {
                 state.matched.entry(own).or_default().insert(other);
             }
             Event::ReaderLost { guid, .. } | Event::WriterLost { guid, .. } => {
-                state.matched.values_mut().for_each(|others| {
-                    others.remove(&guid);
-                });
+                state.matched.values_mut().for_each(|others| others.retain(|other| *other != guid));
             }
             Event::ParticipantLost { id, .. } => {
                 state.matched.values_mut().for_each(|others| others.retain(|other| other.prefix != id));

@@ -18,6 +18,7 @@ mod writer;
 
 pub(crate) use participant::Participant;
 pub use publisher::Publisher;
+pub(crate) use service::Content;
 pub use service::Server;
 pub use subscription::Subscription;
 pub(crate) use writer::Writer;

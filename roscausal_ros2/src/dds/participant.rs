@@ -67,13 +67,6 @@ pub(super) struct Askers {
     pub(super) seen: Mutex<HashMap<GUID, Instant>>,
 }
 
-impl Askers {
-    /// Drops the idle clients.
-    pub(super) fn leave(&self) {
-        lock(&self.idle).clear();
-    }
-}
-
 /// How long a node that leaves waits for the others to notice.
 const FAREWELL: Duration = Duration::from_millis(150);
 
@@ -201,7 +194,7 @@ impl Participant {
     pub(crate) fn leave(&self) {
         let _leaving = lock(&self.leaving);
         self.spinner.stop();
-        self.askers.leave();
+        lock(&self.askers.idle).clear();
         let session = lock(&self.session).take();
         if let Some(Session { node, context }) = session {
             drop(node);

@@ -29,6 +29,11 @@ pub(super) struct Carried<M>(pub(super) M);
 
 impl<M: Message> Carry for Carried<M> {}
 
+/// What a question or an answer is made of.
+pub(crate) trait Content: Carry + Clone + Send + 'static {}
+
+impl<T: Carry + Clone + Send + 'static> Content for T {}
+
 /// A service of a [`crate::Ros2`]. Dropping it ends the service.
 pub struct Server {
     participant: Weak<Participant>,
@@ -76,16 +81,12 @@ impl Participant {
     ///
     /// # Errors
     /// If the library refuses, or the node has left.
-    pub(crate) fn serve_at_once<Req, Resp>(
+    pub(crate) fn serve_at_once<Req: Content, Resp: Content>(
         &self,
         name: &str,
         kind: &str,
         handle: impl Fn(Req) -> Option<Resp> + Send + 'static,
-    ) -> Result<()>
-    where
-        Req: Carry + Clone + Send + 'static,
-        Resp: Carry + Clone + Send + 'static,
-    {
+    ) -> Result<()> {
         let failed = |reason: String| Error::Middleware(format!("service {name}: {reason}"));
         let full = Name::new(&self.names.full_name(), name).map_err(|error| failed(error.to_string()))?;
         let kind = ServiceTypeName::new("rcl_interfaces", kind);
@@ -98,17 +99,13 @@ impl Participant {
     }
 
     /// Reads requests until the task is aborted. Any number of them may wait for their answer.
-    fn offer<Req, Resp>(
+    fn offer<Req: Content, Resp: Content>(
         &self,
         full: &Name,
         name: &str,
         kind: &ServiceTypeName,
         mut ask: impl FnMut(Req, Reply<Resp>) + Send + 'static,
-    ) -> Result<AbortHandle>
-    where
-        Req: Carry + Clone + Send + 'static,
-        Resp: Carry + Clone + Send + 'static,
-    {
+    ) -> Result<AbortHandle> {
         let server = self.session(|session| {
             session.node.create_server::<Req, Resp>(mapping(), full, kind, requests(), answers())
         })?;

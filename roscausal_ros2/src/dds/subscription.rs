@@ -57,11 +57,8 @@ impl Participant {
         let profile = qos::profile(qos, Side::Subscriber);
         let made =
             self.session(|session| session.node.create_subscription::<M>(&dds_topic, Some(profile)))?;
-        let fail = |error: ros2_client::CreateError| Error::Topic {
-            topic: topic.clone(),
-            reason: error.to_string(),
-        };
-        let reader = made.map_err(fail)?;
+        let reader =
+            made.map_err(|error| Error::Topic { topic: topic.clone(), reason: error.to_string() })?;
         self.graph.add(reader.guid(), &dds_topic.name(), dds_topic.get_type().name());
         self.announce();
         let subscription = Subscription::waiting();

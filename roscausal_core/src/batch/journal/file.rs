@@ -2,10 +2,10 @@
 
 use std::{
     collections::VecDeque,
-    fs::{self, File, OpenOptions},
+    fs::{self, File},
     io::{Seek, SeekFrom, Write},
     path::PathBuf,
-    sync::{Arc, Condvar, Mutex, MutexGuard},
+    sync::{Arc, Condvar, Mutex},
     thread::{self, JoinHandle},
     time::{Duration, Instant},
 };
@@ -16,7 +16,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    batch::pool::{Pool, sync_dir},
+    batch::pool::{Pool, remove, sync_dir},
     gate::{lock, wait},
 };
 
@@ -101,12 +101,8 @@ impl Journal {
     /// # Errors
     /// If the system cannot start a thread.
     pub fn start(pool: Pool) -> Result<Self> {
-        let shared = Arc::new(Shared {
-            pool,
-            queue: Mutex::default(),
-            changed: Condvar::new(),
-            files: Mutex::default(),
-        });
+        let (queue, changed, files) = Default::default();
+        let shared = Arc::new(Shared { pool, queue, changed, files });
         let works = shared.clone();
         let thread = thread::Builder::new()
             .name("journal".into())
@@ -120,7 +116,7 @@ impl Journal {
         if entries.is_empty() {
             return;
         }
-        let mut queue = self.shared.queue();
+        let mut queue = lock(&self.shared.queue);
         for entry in entries {
             if queue.entries.len() < WAITING || !matches!(entry, Entry::Sample(_)) {
                 queue.entries.push_back(entry);
@@ -134,13 +130,13 @@ impl Journal {
 
     /// State of the journal.
     pub fn status(&self) -> JournalStatus {
-        self.shared.queue().status.clone()
+        lock(&self.shared.queue).status.clone()
     }
 
     /// The batch of journal `number` is about to become a file. Renames its journal to `marker`; nothing is written
     /// to it any more. Returns whether there was one.
     pub(in crate::batch) fn retire(&self, number: u64, marker: &str) -> Result<bool> {
-        let mut files = self.shared.files();
+        let mut files = lock(&self.shared.files);
         self.shared.drain(&mut files);
         files.retired = files.retired.max(number);
         if files.current <= number {
@@ -158,7 +154,7 @@ impl Journal {
 
 impl Drop for Journal {
     fn drop(&mut self) {
-        self.shared.queue().ending = true;
+        lock(&self.shared.queue).ending = true;
         self.shared.changed.notify_all();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -167,14 +163,6 @@ impl Drop for Journal {
 }
 
 impl Shared {
-    fn queue(&self) -> MutexGuard<'_, Queue> {
-        lock(&self.queue)
-    }
-
-    fn files(&self) -> MutexGuard<'_, Files> {
-        lock(&self.files)
-    }
-
     fn path(&self, number: u64) -> PathBuf {
         self.pool.path(&self.pool.journal_name(number))
     }
@@ -183,7 +171,7 @@ impl Shared {
     fn work(&self) {
         loop {
             let sync_due = self.write_what_waits();
-            let queue = self.queue();
+            let queue = lock(&self.queue);
             let troubled = queue.status.trouble.is_some();
             if !queue.entries.is_empty() && !troubled {
                 continue;
@@ -191,9 +179,8 @@ impl Shared {
             match sync_due {
                 _ if queue.ending => {
                     drop(queue);
-                    let mut files = self.files();
-                    let synced = files.sync(&self.pool);
-                    return self.tell(synced);
+                    let mut files = lock(&self.files);
+                    return self.tell(files.sync(&self.pool));
                 }
                 Some(due) if !troubled => drop(wait(&self.changed, queue, due)),
                 // Not before something new arrives: a full disk must not keep the CPU busy.
@@ -204,18 +191,17 @@ impl Shared {
 
     /// Writes, and syncs if that is due. Returns the time until the next sync is due.
     fn write_what_waits(&self) -> Option<Duration> {
-        let mut files = self.files();
+        let mut files = lock(&self.files);
         self.drain(&mut files);
         if files.sync_due() == Some(Duration::ZERO) {
-            let synced = files.sync(&self.pool);
-            self.tell(synced);
+            self.tell(files.sync(&self.pool));
         }
         files.sync_due()
     }
 
     fn tell(&self, done: Result<()>) {
         if let Err(error) = done {
-            let mut queue = self.queue();
+            let mut queue = lock(&self.queue);
             if queue.status.trouble.is_none() {
                 tracing::error!("the open batch is not journalled: {error}");
             }
@@ -230,26 +216,20 @@ impl Shared {
             if batch.is_empty() {
                 return;
             }
-            let written = batch.len();
             let done = self.write(files, &batch);
-            let mut queue = self.queue();
-            match done {
-                Ok(()) => {
-                    queue.entries.drain(..written);
-                    queue.status.trouble = None;
-                }
-                Err(error) => {
-                    drop(queue);
-                    return self.tell(Err(error));
-                }
+            if done.is_err() {
+                return self.tell(done);
             }
+            let mut queue = lock(&self.queue);
+            queue.entries.drain(..batch.len());
+            queue.status.trouble = None;
         }
     }
 
     /// The oldest entries: one of another kind, or several samples. They stay in the queue until they are written.
     /// Only this thread, or the writer while it holds the lock of the files, takes them out.
     fn next(&self) -> Vec<Entry> {
-        let queue = self.queue();
+        let queue = lock(&self.queue);
         let samples =
             queue.entries.iter().take_while(|entry| matches!(entry, Entry::Sample(_))).take(AT_ONCE).count();
         queue.entries.iter().take(samples.max(1)).cloned().collect()
@@ -266,12 +246,7 @@ impl Shared {
                     let path = self.path(header.number);
                     let bytes = begin(header);
                     let fault = |e: std::io::Error| Error::file(&path, e);
-                    let mut file = OpenOptions::new()
-                        .create(true)
-                        .write(true)
-                        .truncate(true)
-                        .open(&path)
-                        .map_err(fault)?;
+                    let mut file = File::create(&path).map_err(fault)?;
                     file.write_all(&bytes).map_err(fault)?;
                     (files.unsynced, files.new) = (true, true);
                     files.open = Some((file, path, bytes.len() as u64));
@@ -281,11 +256,7 @@ impl Shared {
                 if files.current == *number {
                     files.open = None;
                 }
-                let path = self.path(*number);
-                match fs::remove_file(&path) {
-                    Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::file(&path, e)),
-                    _ => {}
-                }
+                remove(&self.path(*number))?;
             }
             _ => {
                 let Some((file, path, whole)) = &mut files.open else { return Ok(()) };

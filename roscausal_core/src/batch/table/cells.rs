@@ -24,15 +24,12 @@ impl Cells<'_> {
     pub(super) fn number(&self, cell: &str) -> Result<Option<f64>, ()> {
         // Most cells are plain numbers.
         let value = match cell.parse::<f64>() {
-            Ok(value) if value.is_finite() => value,
+            Ok(value) if value.is_finite() => Some(value),
             Ok(value) if value.is_nan() => return Ok(Some(f64::NAN)),
             Ok(_) => return Err(()),
-            Err(_) => match self.other(cell) {
-                Some(value) => value,
-                None => return Ok(None),
-            },
+            Err(_) => self.other(cell),
         };
-        Ok(Some(if self.missing.contains(&value) { f64::NAN } else { value }))
+        Ok(value.map(|value| if self.missing.contains(&value) { f64::NAN } else { value }))
     }
 
     /// Missing values, truth values, decimal commas, thin spaces.
@@ -41,10 +38,9 @@ impl Cells<'_> {
         if MISSING.iter().any(|word| text.eq_ignore_ascii_case(word)) {
             return Some(f64::NAN);
         }
-        for (word, value) in [("true", 1.0), ("false", 0.0), ("yes", 1.0), ("no", 0.0)] {
-            if text.eq_ignore_ascii_case(word) {
-                return Some(value);
-            }
+        let truths = [("true", 1.0), ("false", 0.0), ("yes", 1.0), ("no", 0.0)];
+        if let Some((_, value)) = truths.into_iter().find(|(word, _)| text.eq_ignore_ascii_case(word)) {
+            return Some(value);
         }
         if text.len() != cell.len() {
             return self.number(text).ok().flatten();

@@ -28,11 +28,8 @@ pub(crate) fn time_column(header: &[String]) -> Option<(usize, Option<Unit>)> {
 pub(crate) fn stamp_in_two(header: &[String]) -> Option<(usize, usize)> {
     let lower: Vec<String> = header.iter().map(|name| name.to_lowercase()).collect();
     let rest_of = |base: &str| {
-        let is_rest = |name: &String| {
-            name.strip_prefix(base)
-                .is_some_and(|unit| ["nsecs", "nsec", "nanosec", "nanosecs"].contains(&unit))
-        };
-        lower.iter().position(is_rest)
+        let is_rest = |unit: &str| ["nsecs", "nsec", "nanosec", "nanosecs"].contains(&unit);
+        lower.iter().position(|name| name.strip_prefix(base).is_some_and(is_rest))
     };
     let seconds = |name: &String| Some(name.strip_suffix("secs").or(name.strip_suffix("sec"))?.to_owned());
     lower.iter().enumerate().find_map(|(column, name)| Some((column, rest_of(&seconds(name)?)?)))
@@ -187,12 +184,10 @@ fn matching(header: &[String], name: &str) -> Result<Vec<usize>, String> {
         let (from, to) = (one(header, from)?, one(header, to)?);
         return Ok(if from <= to { (from..=to).collect() } else { (to..=from).rev().collect() });
     }
-    if name.contains(['*', '?']) {
-        let found: Vec<usize> =
-            (0..header.len()).filter(|&column| fits(name, &names::plain(&header[column]))).collect();
-        return if found.is_empty() { Err(unknown(header, name)) } else { Ok(found) };
-    }
-    Err(unknown(header, name))
+    let is_pattern = name.contains(['*', '?']);
+    let is_meant = |column: &usize| is_pattern && fits(name, &names::plain(&header[*column]));
+    let found: Vec<usize> = (0..header.len()).filter(is_meant).collect();
+    if found.is_empty() { Err(unknown(header, name)) } else { Ok(found) }
 }
 
 /// The column of this name, in any spelling.

@@ -6,10 +6,7 @@ use roscausal_discovery::{Named, names::plain};
 use super::Table;
 use crate::{
     Error, Result,
-    batch::{
-        expression::{Expression, Moment, Who},
-        tracks::Values,
-    },
+    batch::expression::{Expression, Moment},
 };
 
 /// The definition of a variable: its name, and an expression over columns and earlier variables.
@@ -74,14 +71,6 @@ impl Moment for Row<'_> {
         self.time.and_then(|time| time.get(self.row)).copied().unwrap_or(f64::NAN)
     }
 
-    fn body(&self, _: Who) -> &Values {
-        &Values::UNKNOWN
-    }
-
-    fn risk(&self, _: Who, _: Who) -> f64 {
-        f64::NAN
-    }
-
     fn cell(&self, column: usize) -> f64 {
         self.values.get((self.row, column)).copied().unwrap_or(f64::NAN)
     }
@@ -101,21 +90,15 @@ impl Table {
             |derived: &Derived, reason: &str| Error::param("feature", format!("{} = {reason}", derived.name));
         for derived in definitions {
             if self.names.iter().any(|name| plain(name) == plain(&derived.name)) {
-                return Err(fault(
-                    derived,
-                    "...: there is a column or variable of that name already; choose another",
-                ));
+                let reason = "...: there is a column or variable of that name already; choose another";
+                return Err(fault(derived, reason));
             }
             let expression = Expression::of_columns(&derived.text, &self.names)
                 .map_err(|reason| fault(derived, &reason))?;
             if expression.mentions_time() && self.time.is_none() {
-                return Err(fault(
-                    derived,
-                    &format!(
-                        "...: it needs times, and the table has none; {} names them",
-                        Named("time_column")
-                    ),
-                ));
+                let times = Named("time_column");
+                let reason = format!("...: it needs times, and the table has none; {times} names them");
+                return Err(fault(derived, &reason));
             }
             let (rows, columns) = self.values.dim();
             let row = |row| Row { values: self.values.view(), time: self.time.as_deref(), row };

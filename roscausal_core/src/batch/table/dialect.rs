@@ -50,25 +50,17 @@ pub(super) fn decoded(bytes: &[u8]) -> (Cow<'_, [u8]>, Option<&'static str>) {
     if let Some(rest) = bytes.strip_prefix(b"\xef\xbb\xbf") {
         return (Cow::Borrowed(rest), None);
     }
-    let utf16 = |rest: &[u8], unit: fn([u8; 2]) -> u16| {
-        let units = rest.as_chunks::<2>().0.iter().map(|&pair| unit(pair));
-        Cow::Owned(
-            char::decode_utf16(units).map(|c| c.unwrap_or('\u{fffd}')).collect::<String>().into_bytes(),
-        )
-    };
-    if let Some(rest) = bytes.strip_prefix(b"\xff\xfe") {
-        return (utf16(rest, u16::from_le_bytes), Some("UTF-16"));
-    }
-    if let Some(rest) = bytes.strip_prefix(b"\xfe\xff") {
-        return (utf16(rest, u16::from_be_bytes), Some("UTF-16"));
-    }
     let first = &bytes[..bytes.len().min(64)];
     let zeros = |odd: usize| first.len() >= 4 && first.iter().skip(odd).step_by(2).all(|&byte| byte == 0);
-    if zeros(1) {
-        return (utf16(bytes, u16::from_le_bytes), Some("UTF-16"));
-    }
-    if zeros(0) {
-        return (utf16(bytes, u16::from_be_bytes), Some("UTF-16"));
+    let (little, big): (fn([u8; 2]) -> u16, fn([u8; 2]) -> u16) = (u16::from_le_bytes, u16::from_be_bytes);
+    let utf16 = (bytes.strip_prefix(b"\xff\xfe").map(|rest| (rest, little)))
+        .or_else(|| bytes.strip_prefix(b"\xfe\xff").map(|rest| (rest, big)))
+        .or_else(|| zeros(1).then_some((bytes, little)))
+        .or_else(|| zeros(0).then_some((bytes, big)));
+    if let Some((rest, unit)) = utf16 {
+        let units = rest.as_chunks::<2>().0.iter().map(|&pair| unit(pair));
+        let text: String = char::decode_utf16(units).map(|c| c.unwrap_or('\u{fffd}')).collect();
+        return (Cow::Owned(text.into_bytes()), Some("UTF-16"));
     }
     if std::str::from_utf8(bytes).is_err() {
         let text: String = bytes.iter().map(|&byte| char::from(byte)).collect();
@@ -172,15 +164,7 @@ fn is_nameless(first: &[u8], second: &[u8], separator: Separator) -> bool {
     if cells(first, separator) > MOST_COLUMNS {
         return false;
     }
-    let cells = |line: &'_ [u8]| -> Vec<String> {
-        let text = String::from_utf8_lossy(line).into_owned();
-        let clean = |cell: &str| cell.trim().trim_matches('"').to_owned();
-        match separator {
-            Separator::Byte(byte) => text.split(char::from(byte)).map(clean).collect(),
-            Separator::Spaces => text.split_whitespace().map(clean).collect(),
-        }
-    };
-    let (first, second) = (cells(first), cells(second));
+    let [first, second] = [first, second].map(|line| words(&String::from_utf8_lossy(line), separator));
     let is_value = |cell: &String| is_number(cell.as_bytes()) || date(cell).is_some();
     if first[0].is_empty() || !first.iter().all(is_value) {
         return false;
@@ -188,6 +172,15 @@ fn is_nameless(first: &[u8], second: &[u8], separator: Separator) -> bool {
     let counts = |from: usize| first.iter().enumerate().all(|(k, cell)| cell.parse() == Ok(k + from));
     let is_whole = |cell: &String| cell.parse::<i64>().is_ok();
     !(counts(0) || counts(1)) || (first.len() < 3 && second.iter().all(is_whole))
+}
+
+/// The cells of a line, without quotes.
+pub(super) fn words(line: &str, separator: Separator) -> Vec<String> {
+    let clean = |word: &str| word.trim().trim_matches('"').to_owned();
+    match separator {
+        Separator::Byte(byte) => line.split(char::from(byte)).map(clean).collect(),
+        Separator::Spaces => line.split_whitespace().map(clean).collect(),
+    }
 }
 
 fn is_row(line: &[u8]) -> bool {

@@ -54,11 +54,8 @@ impl Grid {
         let separators =
             [Separator::Byte(b','), Separator::Byte(b';'), Separator::Byte(b'\t'), Separator::Spaces];
         let named = lines.iter().find_map(|(start, line)| {
-            let words = |separator: &Separator| words(line, *separator);
-            separators
-                .iter()
-                .find(|separator| is_header(&words(separator)))
-                .map(|separator| (*start, *separator))
+            let names_columns = |separator: &Separator| is_header(&words(line, *separator));
+            Some((*start, separators.into_iter().find(names_columns)?))
         });
         let (start, separator) = named.unwrap_or_else(|| {
             let first = lines.iter().find(|(_, line)| !line.trim_ascii().starts_with(b"#"));
@@ -83,27 +80,18 @@ impl Grid {
 /// The number that a comment gives as the rate of frames: `#framerate: 10`, `# frame rate = 25.00 fps`.
 fn frame_rate(line: &[u8]) -> Option<f64> {
     let line = std::str::from_utf8(line).ok()?.trim().strip_prefix('#')?.to_lowercase();
-    let rest = ["framerate", "frame rate", "frame_rate", "fps"]
-        .iter()
-        .find_map(|name| line.trim().strip_prefix(name))?;
+    let names = ["framerate", "frame rate", "frame_rate", "fps"];
+    let rest = names.iter().find_map(|name| line.trim().strip_prefix(name))?;
     let number = rest.trim_start_matches([' ', ':', '=', '\t']).split([' ', '\t']).next()?;
-    number
-        .trim_end_matches("fps")
-        .trim_end_matches("hz")
-        .parse()
-        .ok()
-        .filter(|rate: &f64| rate.is_finite() && *rate > 0.0)
+    let rate: f64 = number.trim_end_matches("fps").trim_end_matches("hz").parse().ok()?;
+    (rate.is_finite() && rate > 0.0).then_some(rate)
 }
 
 /// The cells of one line.
 fn words(line: &[u8], separator: Separator) -> Vec<String> {
     let line = String::from_utf8_lossy(line);
     let line = line.trim().trim_start_matches('#').trim_start();
-    let clean = |word: &str| word.trim().trim_matches('"').to_owned();
-    match separator {
-        Separator::Byte(byte) => line.split(char::from(byte)).map(clean).collect(),
-        Separator::Spaces => line.split_whitespace().map(clean).collect(),
-    }
+    dialect::words(line, separator)
 }
 
 fn columns_of(

@@ -61,15 +61,13 @@ impl Table {
         }
         let views: Vec<_> = columns.iter().map(|part| part.view()).collect();
         let values = ndarray::concatenate(ndarray::Axis(1), &views).map_err(|error| error.to_string())?;
+        let count = files.len();
         notes.push(Note::Read(match &shared {
-            Some(stamps) => format!(
-                "{} files side by side, joined by the {} times that they share",
-                files.len(),
-                stamps.len()
-            ),
+            Some(stamps) => {
+                format!("{count} files side by side, joined by the {} times that they share", stamps.len())
+            }
             None => format!(
-                "{} files side by side: {} s that they share, at steps of {} s (theirs: {})",
-                files.len(),
+                "{count} files side by side: {} s that they share, at steps of {} s (theirs: {})",
                 digits(to - from),
                 digits(dt),
                 parts.iter().map(|part| digits(part.step).to_string()).collect::<Vec<_>>().join(", ")
@@ -92,10 +90,9 @@ impl<'a> Part<'a> {
     fn of(path: &'a Path, table: &'a Table) -> Result<Self, String> {
         let time = table.time.as_deref().unwrap_or_default();
         let step = steps::median_step(time).filter(|step| *step > 0.0).ok_or_else(|| {
+            let (file, named) = (path.display(), Named("time_column"));
             format!(
-                "{} has no times to join it by; {} names the column of times, which all files need",
-                path.display(),
-                Named("time_column")
+                "{file} has no times to join it by; {named} names the column of times, which all files need"
             )
         })?;
         Ok(Self { path, time, step })

@@ -38,7 +38,7 @@ impl Table {
                 let mut number = 1.0;
                 let begins = |row: usize| row > 0 && time[row] < time[row - 1];
                 let number = |row| {
-                    number += f64::from(u8::from(begins(row)));
+                    number += f64::from(begins(row));
                     number
                 };
                 (0..time.len()).map(number).collect()
@@ -67,15 +67,11 @@ impl Table {
             Ok((format!("{column} {key}"), Self { names, values, time, notes: Vec::new() }))
         };
         let mut parts = rows.into_iter().map(part).collect::<Result<Vec<_>, _>>()?;
-        match parts.first_mut() {
-            Some((_, first)) => first.notes = self.notes,
-            None => {
-                return Err(format!(
-                    "column '{column}' has no value; {} needs one in each row",
-                    Named("recording")
-                ));
-            }
-        }
+        let Some((_, first)) = parts.first_mut() else {
+            let recording = Named("recording");
+            return Err(format!("column '{column}' has no value; {recording} needs one in each row"));
+        };
+        first.notes = self.notes;
         Ok(parts)
     }
 }

@@ -89,19 +89,16 @@ impl Table {
         };
         let mut notes = std::mem::take(&mut self.notes);
         if steps.dt.is_none() && are_working_days(&time, median) {
-            let reported =
-                "its times are working days: a lag is one of them, also over a weekend or a holiday";
-            notes.push(Note::Read(reported.to_owned()));
+            let told = "its times are working days: a lag is one of them, also over a weekend or a holiday";
+            notes.push(Note::Read(told.to_owned()));
             return Ok(vec![Self { time: Some(time), notes, ..self }]);
         }
         let usual = median.max(steps.dt.unwrap_or(0.0));
         let max_gap = steps.max_gap.unwrap_or(GAP_STEPS * usual);
         let parts = parts(&time, max_gap);
         if let (None, Some((even, step, rounded_to))) = (steps.dt, before_rounding(&time, &parts, median)) {
-            notes.push(Note::Read(format!(
-                "its times are rounded to {rounded_to} s; the steps are {} s",
-                digits(step)
-            )));
+            let told = format!("its times are rounded to {rounded_to} s; the steps are {} s", digits(step));
+            notes.push(Note::Read(told));
             (time, median) = (even, step);
         }
         if parts.len() > 1 {
@@ -196,15 +193,12 @@ fn before_rounding(time: &[f64], parts: &[(usize, usize)], median: f64) -> Optio
     }
     let places = |step: f64| -> Vec<f64> {
         let mut place = 0.0;
-        let of_part = |&(from, to): &(usize, usize)| {
-            (from..to)
-                .map(|row| {
-                    place += if row == from { 0.0 } else { ((time[row] - time[row - 1]) / step).round() };
-                    place
-                })
-                .collect::<Vec<_>>()
+        let rows = parts.iter().flat_map(|&(from, to)| (from..to).map(move |row| (from, row)));
+        let place_of = |(from, row): (usize, usize)| {
+            place += if row == from { 0.0 } else { ((time[row] - time[row - 1]) / step).round() };
+            place
         };
-        parts.iter().map(of_part).collect::<Vec<_>>().concat()
+        rows.map(place_of).collect()
     };
     let place = places(first);
     let longest = parts.iter().max_by_key(|(from, to)| to - from)?;
@@ -232,16 +226,12 @@ struct Jitter {
 
 impl Jitter {
     fn of(time: &[f64], median: f64, max_gap: f64) -> Self {
-        let off = time
-            .windows(2)
-            .map(|pair| pair[1] - pair[0])
-            .filter(|step| *step <= max_gap)
-            .map(|step| step / median - 1.0);
+        let steps = time.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step <= max_gap);
         let (mut n, mut squares, mut uneven) = (0.0, 0.0, 0.0);
-        for off in off {
+        for off in steps.map(|step| step / median - 1.0) {
             n += 1.0;
             squares += off * off;
-            uneven += f64::from(u8::from(off.abs() > UNEVEN));
+            uneven += f64::from(off.abs() > UNEVEN);
         }
         let n = f64::max(n, 1.0);
         Self { deviation: (squares / n).sqrt(), uneven: uneven / n }
@@ -251,17 +241,14 @@ impl Jitter {
     fn checked(&self, median: f64) -> Result<Option<String>, String> {
         let (percent, median) = (|share: f64| (share * 100.0).round(), digits(median));
         if self.uneven > IRREGULAR || !self.deviation.is_finite() {
+            let (uneven, dt, resample) = (percent(self.uneven), Named("dt"), Named("resample"));
             return Err(format!(
-                "its steps are uneven: the median is {median} s, and {} % of them are off by more than a quarter; a lag would mean \
-                 many times. Resample it with {} {median} {} last (or mean, or linear)",
-                percent(self.uneven),
-                Named("dt"),
-                Named("resample")
+                "its steps are uneven: the median is {median} s, and {uneven} % of them are off by more than a quarter; a lag would mean \
+                 many times. Resample it with {dt} {median} {resample} last (or mean, or linear)"
             ));
         }
-        let reported = || {
-            format!("steps of {median} s vary by {} % (standard deviation)", percent(self.deviation).max(1.0))
-        };
+        let varied = percent(self.deviation).max(1.0);
+        let reported = || format!("steps of {median} s vary by {varied} % (standard deviation)");
         Ok((self.deviation > WORTH_TELLING).then(reported))
     }
 }
@@ -304,12 +291,8 @@ pub(super) fn at_times(
     let late = 1e-6 * dt;
     for (column, mut cells) in values.axis_iter(Axis(1)).zip(out.axis_iter_mut(Axis(1))) {
         // Samples of this column that are there, and how many of them lie at or before the grid's time.
-        let there: Vec<(f64, f64)> = time
-            .iter()
-            .zip(column)
-            .filter(|(_, value)| !value.is_nan())
-            .map(|(&t, &value)| (t, value))
-            .collect();
+        let there = time.iter().zip(column).filter(|(_, value)| !value.is_nan());
+        let there: Vec<(f64, f64)> = there.map(|(&t, &value)| (t, value)).collect();
         let begin = grid.first().map_or(0.0, |first| first - dt + late);
         let mut since = there.partition_point(|(t, _)| *t <= begin);
         let mut before = since;

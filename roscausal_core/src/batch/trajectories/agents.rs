@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use roscausal_discovery::Named;
-use roscausal_msgs::geometry_msgs::{Point, Quaternion, Twist};
+use roscausal_msgs::geometry_msgs::{Point, Quaternion};
 use roscausal_msgs::std_msgs::Header;
 
 use super::{
@@ -20,7 +20,7 @@ use crate::{
         tracks::{Track, Values},
     },
     memory::Memory,
-    state::human::{PeopleTracker, Sighting},
+    state::human::{PeopleTracker, Sighting, walking},
 };
 
 /// Somebody who never leaves a circle of this size stands still, metres.
@@ -83,13 +83,12 @@ impl Agents {
     }
 
     fn of(
-        raw: Vec<(String, Raw)>,
+        mut raw: Vec<(String, Raw)>,
         reading: &TrajectoryReading,
         counts_frames: bool,
         mut notes: Vec<String>,
     ) -> std::result::Result<Self, String> {
-        let mut raw: Vec<(String, Raw)> =
-            raw.into_iter().filter(|(_, raw)| !raw.samples.is_empty()).collect();
+        raw.retain(|(_, raw)| !raw.samples.is_empty());
         if raw.is_empty() {
             return Err("nobody is in it: no row has a time, x and y".into());
         }
@@ -114,16 +113,11 @@ impl Agents {
         let found = motion::found(&tracks, &missing)?;
         notes.extend(found.notes);
         raw.iter_mut().flat_map(|(_, raw)| &mut raw.samples).for_each(|sample| sample.time /= found.rate);
-        let unit = found.unit;
-        let usual_step = median(
-            raw.iter().flat_map(|(_, raw)| raw.samples.windows(2).map(|pair| pair[1].time - pair[0].time)),
-        );
-        let all = raw
-            .into_iter()
-            .enumerate()
-            .map(|(place, (name, raw))| Agent::of(name, place, &raw, unit, reading))
-            .collect();
-        Ok(Self { all, notes, usual_step: usual_step.unwrap_or(1.0) })
+        let pairs = raw.iter().flat_map(|(_, raw)| raw.samples.windows(2));
+        let usual_step = median(pairs.map(|pair| pair[1].time - pair[0].time));
+        let agents = raw.into_iter().enumerate();
+        let all = agents.map(|(place, (name, raw))| Agent::of(name, place, &raw, found.unit, reading));
+        Ok(Self { all: all.collect(), notes, usual_step: usual_step.unwrap_or(1.0) })
     }
 
     /// The agent of this name or number.
@@ -139,13 +133,11 @@ impl Agents {
             if self.all.len() > MOST {
                 names.push("...");
             }
-            Error::param(
-                flag,
-                format!(
-                    "'{name}' is nobody in this table; it has {}, nearest:N and all are allowed, too",
-                    names.join(", ")
-                ),
-            )
+            let reason = format!(
+                "'{name}' is nobody in this table; it has {}, nearest:N and all are allowed, too",
+                names.join(", ")
+            );
+            Error::param(flag, reason)
         })
     }
 
@@ -154,9 +146,8 @@ impl Agents {
     /// # Errors
     /// As [`Agents::named`].
     pub(super) fn meant(&self, word: &str) -> Result<Vec<&Agent>> {
-        let ends = word
-            .split_once("..")
-            .and_then(|(from, to)| Some((from.parse::<f64>().ok()?, to.parse::<f64>().ok()?)));
+        let number = |text: &str| text.parse::<f64>().ok();
+        let ends = word.split_once("..").and_then(|(from, to)| number(from).zip(number(to)));
         let Some((from, to)) = ends else { return Ok(vec![self.named("agent", word)?]) };
         let within =
             |agent: &&Agent| agent.name.parse().is_ok_and(|number: f64| (from..=to).contains(&number));
@@ -196,12 +187,8 @@ impl Agent {
                 ..Sighting::default()
             };
             (sighting.pose.position.x, sighting.pose.position.y) = (x, y);
-            sighting.pose.orientation = turned(sample.heading(scaled));
-            sighting.twist = sample.velocity.map(|velocity| {
-                let mut twist = Twist::default();
-                (twist.linear.x, twist.linear.y) = scaled(velocity);
-                twist
-            });
+            sighting.pose.orientation = Quaternion::from_yaw(sample.heading(scaled));
+            sighting.twist = sample.velocity.map(|velocity| walking(scaled(velocity).into()));
             tracker.sighting(sighting);
             if let Some(state) = tracker.people(|_| None).humans.into_iter().next() {
                 track.insert(stamp.as_nanos(), recorder::values(&state.pose2d, &state.twist, &state.goal));
@@ -219,12 +206,6 @@ impl Agent {
     pub(super) fn rows(&self, stamps: &[i64], max_gap: i64) -> Vec<Values> {
         stamps.iter().map(|&stamp| self.track.at(stamp, max_gap, false).unwrap_or(Values::UNKNOWN)).collect()
     }
-}
-
-/// A rotation about the vertical axis.
-fn turned(heading: f64) -> Quaternion {
-    let (z, w) = (heading / 2.0).sin_cos();
-    Quaternion { x: 0.0, y: 0.0, z, w }
 }
 
 /// The samples of each agent, in the order of their first rows.
@@ -251,7 +232,6 @@ fn raw(
             raw.samples.push(sample);
         }
     };
-    let nothing = (f64::NAN, f64::NAN);
     match layout {
         Layout::Long(_, roles) => {
             let number = |role: &str, row: usize| {
@@ -262,16 +242,13 @@ fn raw(
             for (row, &time) in times.iter().enumerate() {
                 let Some(name) = text("id", row) else { continue };
                 let kind = text("kind", row).unwrap_or_default().to_lowercase();
-                let heading = number("heading", row);
                 let (vx, vy) = (number("vx", row), number("vy", row));
-                let speed = if roles.contains_key("vx") { f64::NAN } else { number("speed", row) };
                 let sample = Sample {
-                    time,
-                    place: (number("x", row), number("y", row)),
                     velocity: (vx.is_finite() && vy.is_finite()).then_some((vx, vy)),
-                    speed,
-                    heading,
+                    speed: if roles.contains_key("vx") { f64::NAN } else { number("speed", row) },
+                    heading: number("heading", row),
                     goal: (number("gx", row), number("gy", row)),
+                    ..Sample::at(time, (number("x", row), number("y", row)))
                 };
                 add(name, kind.contains("robot"), sample);
             }
@@ -279,19 +256,7 @@ fn raw(
         Layout::Wide(_, bodies) => {
             for (name, markers) in bodies {
                 for (row, &time) in times.iter().enumerate() {
-                    let place = middle(grid, markers, row);
-                    add(
-                        name.clone(),
-                        false,
-                        Sample {
-                            time,
-                            place,
-                            velocity: None,
-                            speed: f64::NAN,
-                            heading: f64::NAN,
-                            goal: nothing,
-                        },
-                    );
+                    add(name.clone(), false, Sample::at(time, middle(grid, markers, row)));
                 }
             }
         }
@@ -320,10 +285,8 @@ fn times(
             // Seconds if the rate is known, frames otherwise.
             let rate = reading.frame_rate.unwrap_or(1.0);
             if !(rate.is_finite() && rate > 0.0) {
-                return Err(format!(
-                    "{} {rate} is not a number of frames per second above 0",
-                    Named("frame_rate")
-                ));
+                let setting = Named("frame_rate");
+                return Err(format!("{setting} {rate} is not a number of frames per second above 0"));
             }
             return Ok((0..rows).map(|row| grid.columns[column].1.number(row) / rate).collect());
         }

@@ -15,44 +15,23 @@ use roscausal_discovery::Named;
 use super::sample::PositionUnit;
 use crate::batch::table::{binary::Column, columns::time_name, grid::Grid, median, time::Unit};
 
-/// Names of the columns of each role, in lower case and without a unit.
-const ROLES: [(&str, &[&str]); 11] = [
+/// Names of the columns of each role, separated by commas, in lower case and without a unit.
+const ROLES: [(&str, &str); 11] = [
     (
         "id",
-        &[
-            "id", "agent_id", "ag_id", "agent", "agentid", "person_id", "personid", "person", "ped_id",
-            "pedestrian_id", "pedestrian", "ped", "pid", "track_id", "trackid", "track", "object_id",
-            "obj_id", "human_id", "body_id", "body", "name",
-        ],
+        "id,agent_id,ag_id,agent,agentid,person_id,personid,person,ped_id,pedestrian_id,pedestrian,ped,pid,track_id,trackid,track,\
+         object_id,obj_id,human_id,body_id,body,name",
     ),
-    ("frame", &["frame", "frame_id", "frameid", "frame_number", "frame_no", "frames", "framenumber", "fr"]),
-    (
-        "x",
-        &[
-            "x", "pos_x", "position_x", "x_pos", "position.x", "pose.position.x", "xcenter", "x_center",
-            "px", "x_coord", "position x",
-        ],
-    ),
-    (
-        "y",
-        &[
-            "y", "pos_y", "position_y", "y_pos", "position.y", "pose.position.y", "ycenter", "y_center",
-            "py", "y_coord", "position y",
-        ],
-    ),
-    ("vx", &["vx", "v_x", "vel_x", "velocity_x", "x_vel", "xvelocity", "velocity.x", "x_velocity"]),
-    ("vy", &["vy", "v_y", "vel_y", "velocity_y", "y_vel", "yvelocity", "velocity.y", "y_velocity"]),
-    ("speed", &["v", "speed", "velocity", "vel"]),
-    (
-        "heading",
-        &[
-            "heading", "theta", "yaw", "angle", "orientation", "direction", "motion_angle",
-            "angle of motion", "psi",
-        ],
-    ),
-    ("gx", &["gx", "goal_x", "x_goal", "goal.x"]),
-    ("gy", &["gy", "goal_y", "y_goal", "goal.y"]),
-    ("kind", &["agent_type", "type", "class", "category", "kind", "role", "agent_class"]),
+    ("frame", "frame,frame_id,frameid,frame_number,frame_no,frames,framenumber,fr"),
+    ("x", "x,pos_x,position_x,x_pos,position.x,pose.position.x,xcenter,x_center,px,x_coord,position x"),
+    ("y", "y,pos_y,position_y,y_pos,position.y,pose.position.y,ycenter,y_center,py,y_coord,position y"),
+    ("vx", "vx,v_x,vel_x,velocity_x,x_vel,xvelocity,velocity.x,x_velocity"),
+    ("vy", "vy,v_y,vel_y,velocity_y,y_vel,yvelocity,velocity.y,y_velocity"),
+    ("speed", "v,speed,velocity,vel"),
+    ("heading", "heading,theta,yaw,angle,orientation,direction,motion_angle,angle of motion,psi"),
+    ("gx", "gx,goal_x,x_goal,goal.x"),
+    ("gy", "gy,goal_y,y_goal,goal.y"),
+    ("kind", "agent_type,type,class,category,kind,role,agent_class"),
 ];
 
 /// The roles that a user may name a column for.
@@ -110,10 +89,8 @@ pub(super) fn of(grid: &Grid, given: &BTreeMap<String, String>) -> Result<Layout
         return Ok(Layout::Long(Clock::Time(0, Some(Unit::Seconds)), roles(&columns)));
     }
     if width == 8 {
-        return Ok(Layout::Long(
-            Clock::Frame(0),
-            roles(&[("id", 1), ("x", 2), ("y", 4), ("vx", 5), ("vy", 7)]),
-        ));
+        let columns = [("id", 1), ("x", 2), ("y", 4), ("vx", 5), ("vy", 7)];
+        return Ok(Layout::Long(Clock::Frame(0), roles(&columns)));
     }
     let ([frame, id], rows) = (frame_and_id(grid), grid.columns[0].1.len());
     let whole = |column: usize| (0..rows).all(|row| grid.columns[column].1.number(row).fract() == 0.0);
@@ -140,27 +117,23 @@ fn frame_and_id(grid: &Grid) -> [usize; 2] {
 }
 
 fn of_names(names: &[&str], given: &BTreeMap<String, String>) -> Result<Layout, String> {
-    let exactly = |name: &str| names.iter().position(|other| other.trim() == name);
+    let exactly = |name: &String| {
+        let found = names.iter().position(|other| other.trim() == name);
+        found.ok_or_else(|| format!("there is no column '{name}'; columns: {}", names.join(", ")))
+    };
     let plain: Vec<String> = names.iter().map(|name| bare(name)).collect();
     let mut roles: BTreeMap<&'static str, usize> = BTreeMap::new();
     for (role, usual) in ROLES {
         let found = match given.get(role) {
-            Some(name) => Some(
-                exactly(name)
-                    .ok_or_else(|| format!("there is no column '{name}'; columns: {}", names.join(", ")))?,
-            ),
-            None => usual.iter().find_map(|usual| plain.iter().position(|name| name == usual)),
+            Some(name) => Some(exactly(name)?),
+            None => usual.split(',').find_map(|usual| plain.iter().position(|name| name == usual)),
         };
         if let Some(column) = found {
             roles.insert(role, column);
         }
     }
     let time = match given.get("time") {
-        Some(name) => Some((
-            exactly(name)
-                .ok_or_else(|| format!("there is no column '{name}'; columns: {}", names.join(", ")))?,
-            None,
-        )),
+        Some(name) => Some((exactly(name)?, None)),
         None => names.iter().enumerate().find_map(|(column, name)| Some((column, time_name(name)?))),
     };
     let frame = roles.get("frame").copied();
@@ -171,24 +144,18 @@ fn of_names(names: &[&str], given: &BTreeMap<String, String>) -> Result<Layout, 
         (None, None) => return Err(lacking("time (or frame)", names)),
     };
     let bodies = bodies(names);
-    let long = ["id", "x", "y"].iter().all(|role| roles.contains_key(role));
-    if !long && !bodies.is_empty() {
-        return Ok(Layout::Wide(clock, bodies));
+    match ["id", "x", "y"].iter().find(|role| !roles.contains_key(*role)) {
+        Some(_) if !bodies.is_empty() => Ok(Layout::Wide(clock, bodies)),
+        Some(role) => Err(lacking(role, names)),
+        None => Ok(Layout::Long(clock, roles)),
     }
-    for role in ["id", "x", "y"] {
-        if !roles.contains_key(role) {
-            return Err(lacking(role, names));
-        }
-    }
-    Ok(Layout::Long(clock, roles))
 }
 
 fn lacking(role: &str, names: &[&str]) -> String {
     let short = role.split(' ').next().unwrap_or(role);
+    let (setting, names) = (Named("trajectory_columns"), names.join(", "));
     format!(
-        "no column is called {role}; {} {short}=NAME names it (roles: {NAMED_ROLES}); columns: {}",
-        Named("trajectory_columns"),
-        names.join(", ")
+        "no column is called {role}; {setting} {short}=NAME names it (roles: {NAMED_ROLES}); columns: {names}"
     )
 }
 

@@ -128,24 +128,17 @@ pub fn walks(
     }
     notes.push(scene.reported(tables.len()));
     notes.extend(out.reported(choice.least_rows));
-    notes.extend(
-        emptied
-            .into_iter()
-            .map(|(what, count)| format!("{count} impossible values of '{what}' are left out")),
-    );
+    let of_emptied = |(what, count)| format!("{count} impossible values of '{what}' are left out");
+    notes.extend(emptied.into_iter().map(of_emptied));
     if tables.is_empty() {
+        let (dt, tau_max) = (Named("dt"), Named("tau_max"));
         let way = match out.brief.is_empty() {
             true => String::new(),
-            false => {
-                format!("; choose a shorter step with {}, or a smaller {}", Named("dt"), Named("tau_max"))
-            }
+            false => format!("; choose a shorter step with {dt}, or a smaller {tau_max}"),
         };
-        let reason = format!(
-            "nobody is there for {} rows of {} s and moves ({}){way}",
-            choice.least_rows,
-            scene.dt,
-            out.reported(choice.least_rows).collect::<Vec<_>>().join("; ")
-        );
+        let (rows, step) = (choice.least_rows, scene.dt);
+        let why = out.reported(rows).collect::<Vec<_>>().join("; ");
+        let reason = format!("nobody is there for {rows} rows of {step} s and moves ({why}){way}");
         return Err(Error::file(path, reason));
     }
     leave_out_unknown(&mut tables, &mut notes);
@@ -197,10 +190,9 @@ fn leave_out_unknown(tables: &mut [(String, Table)], notes: &mut Vec<String>) {
         return;
     }
     let names: Vec<&str> = out.iter().map(|&column| first.names[column].as_str()).collect();
-    let why = if names.iter().any(|name| name.contains("_dg")) {
-        format!(": the table tells no goals ({} last takes each one's last place)", Named("goal"))
-    } else {
-        String::new()
+    let why = match names.iter().any(|name| name.contains("_dg")) {
+        true => format!(": the table tells no goals ({} last takes each one's last place)", Named("goal")),
+        false => String::new(),
     };
     notes.push(format!("left out, since nothing is known of it: {}{why}", names.join(", ")));
     for (_, table) in tables {
@@ -243,11 +235,8 @@ impl<'a> Scene<'a> {
             Some(robot) => format!("the obstacle is {} ({other} names another)", robot.name),
             None => format!("the obstacle is the nearest other one ({other} names one)"),
         };
-        format!(
-            "{} agents, of whom {chosen} are analysed, in steps of {} s; {obstacle}",
-            self.agents.all.len(),
-            self.dt
-        )
+        let (all, dt) = (self.agents.all.len(), self.dt);
+        format!("{all} agents, of whom {chosen} are analysed, in steps of {dt} s; {obstacle}")
     }
 
     /// Those who are analysed.
@@ -312,28 +301,17 @@ impl<'a> Scene<'a> {
         let values = |of: &Agent| of.rows(&stamps, (self.max_gap * 1e9) as i64);
         let together =
             |other: &&Agent| other.id != agent.id && other.start <= agent.end && other.end >= agent.start;
-        let others = match self.robot {
-            Some(_) => BTreeMap::new(),
-            None => self
-                .agents
-                .all
-                .iter()
-                .filter(together)
-                .map(|other| (other.name.clone(), values(other)))
-                .collect(),
-        };
+        let others = self.agents.all.iter().filter(|other| self.robot.is_none() && together(other));
         Ok(Recording {
             start: Time::from_nanos(start_ns),
             dt_ns: step_ns as i64,
             frame: "map".into(),
             robot: self.robot.map_or_else(|| vec![Values::UNKNOWN; stamps.len()], values),
             people: BTreeMap::from([(agent.id, values(agent))]),
-            others,
-            signals: Vec::new(),
-            context: BTreeMap::new(),
+            others: others.map(|other| (other.name.clone(), values(other))).collect(),
             complete: true,
             ended_by: Some(EndedBy::NodeEnd),
-            length_s: None,
+            ..Recording::default()
         })
     }
 }

@@ -53,8 +53,8 @@ pub(super) struct Found {
 pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, String> {
     let mut notes = Vec::new();
     let agreed = agreement(tracks).filter(|_| missing.rate).filter(|rate| (0.9..=130.0).contains(rate));
+    let rate = if missing.rate { agreed.map_or(USUAL_RATE, nearest_rate) } else { 1.0 };
     let Some(usual) = usual_speed(tracks) else {
-        let rate = if missing.rate { agreed.map_or(USUAL_RATE, nearest_rate) } else { 1.0 };
         return Ok(Found { rate, unit: missing.unit.unwrap_or(PositionUnit::Metres), notes });
     };
     let of_user = missing.unit.map(|unit| [unit]);
@@ -74,7 +74,6 @@ pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, St
         let fitting = all.filter(|&(rate, unit)| fits(rate, metres(rate, unit)));
         fitting.min_by(|a, b| off(a.0, a.1).total_cmp(&off(b.0, b.1)))
     };
-    let rate = if missing.rate { agreed.map_or(USUAL_RATE, nearest_rate) } else { 1.0 };
     // The user's unit is taken as it is, and so are metres if people move at all.
     let slow = (SLOWEST..*WALK.start()).contains(&metres(rate, PositionUnit::Metres));
     let chosen = best(&[rate], &[first])
@@ -103,10 +102,8 @@ pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, St
                 USUAL_RATE / rate
             ),
         };
-        notes.push(format!(
-            "frames are taken as {rate} per second, {why} ({} says otherwise)",
-            Named("frame_rate")
-        ));
+        let setting = Named("frame_rate");
+        notes.push(format!("frames are taken as {rate} per second, {why} ({setting} says otherwise)"));
     }
     let name = match unit {
         _ if of_user.is_some() => None,
@@ -115,17 +112,16 @@ pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, St
         PositionUnit::Millimetres => Some("millimetres"),
         PositionUnit::Feet => Some("feet"),
     };
+    let setting = Named("position_unit");
     if let Some(name) = name {
+        let speed = metres(rate, PositionUnit::Metres);
         notes.push(format!(
-            "positions are taken as {name}: in metres, the usual speed would be {:.0} m/s ({} says otherwise)",
-            metres(rate, PositionUnit::Metres),
-            Named("position_unit")
+            "positions are taken as {name}: in metres, the usual speed would be {speed:.0} m/s ({setting} says otherwise)"
         ));
     } else if of_user.is_none() && slow {
+        let speed = metres(rate, unit);
         notes.push(format!(
-            "people are slow: {:.2} m/s in the middle, in metres ({} says otherwise)",
-            metres(rate, unit),
-            Named("position_unit")
+            "people are slow: {speed:.2} m/s in the middle, in metres ({setting} says otherwise)"
         ));
     }
     Ok(Found { rate, unit, notes })

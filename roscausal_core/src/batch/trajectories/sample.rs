@@ -42,6 +42,11 @@ pub(super) struct Sample {
 }
 
 impl Sample {
+    /// Of an agent of which only the place is known.
+    pub(super) fn at(time: f64, place: (f64, f64)) -> Self {
+        let (speed, heading, goal) = (f64::NAN, f64::NAN, (f64::NAN, f64::NAN));
+        Self { time, place, velocity: None, speed, heading, goal }
+    }
     pub(super) fn turn_into_radians(&mut self) {
         self.heading = self.heading.to_radians();
     }

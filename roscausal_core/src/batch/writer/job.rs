@@ -1,11 +1,8 @@
 //! A batch on its way to disk: how far it is, and the marker that says so after a crash.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::PathBuf;
 
-use crate::{Error, Result, batch::Recording};
+use crate::batch::Recording;
 
 /// Suffixes of the names of markers (see [`Step`]).
 pub(super) const COMMIT: &str = ".commit";
@@ -59,12 +56,4 @@ impl Job {
 /// Name of the marker of a batch that is between two steps.
 pub(super) fn marker(name: &str, kind: &str) -> String {
     format!(".{name}{kind}")
-}
-
-/// Removes a file that may be gone already.
-pub(super) fn remove(path: &Path) -> Result<()> {
-    match fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::file(path, e)),
-        _ => Ok(()),
-    }
 }

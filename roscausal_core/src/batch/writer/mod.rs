@@ -8,7 +8,7 @@ mod work;
 use std::{
     fs::File,
     sync::{
-        Arc, Mutex, MutexGuard,
+        Arc, Mutex,
         atomic::{AtomicBool, Ordering},
         mpsc::{SyncSender, TrySendError, sync_channel},
     },
@@ -118,17 +118,14 @@ impl Writer {
         let newest = config.raw.hidden(".journal")?.into_iter().filter_map(number).max().unwrap_or(0);
         let journal = config.journal.then(|| Journal::start(config.raw.clone())).transpose()?.map(Arc::new);
         let (sender, receiver) = sync_channel(WAITING);
-        let (ending, status) =
-            (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(WriterStatus::default())));
+        let (ending, status): (Arc<AtomicBool>, Arc<Mutex<WriterStatus>>) = Default::default();
         let work = Work { config, journal: journal.clone(), ending: ending.clone(), status: status.clone() };
         let thread = thread::Builder::new()
             .name("batch-writer".into())
             .spawn(move || work.run(left, &receiver))
             .map_err(|e| Error::Data(format!("no thread to write batches: {e}")))?;
-        let batches = Some(sender);
-        let first_journal = newest + 1;
-        let (thread, waits) = (Some(thread), false);
-        Ok(Self { batches, journal, first_journal, waits, _lock: lock, thread, ending, status })
+        let (batches, thread, first_journal) = (Some(sender), Some(thread), newest + 1);
+        Ok(Self { batches, journal, first_journal, waits: false, _lock: lock, thread, ending, status })
     }
 
     /// Whether [`Self::write`] waits for room instead of losing a batch: where time waits, too.
@@ -166,27 +163,20 @@ impl Writer {
                 .map_err(|(TrySendError::Full(job) | TrySendError::Disconnected(job))| job),
         };
         if let Err(job) = sent {
-            let mut status = self.lock();
-            status.lost += 1;
-            tracing::error!(
-                "lost a batch of {} rows: {WAITING} others wait to be written",
-                job.batch.n_rows()
-            );
+            lock(&self.status).lost += 1;
+            let rows = job.batch.n_rows();
+            tracing::error!("lost a batch of {rows} rows: {WAITING} others wait to be written");
         }
     }
 
     /// State of the writer so far.
     pub fn status(&self) -> WriterStatus {
-        self.lock().clone()
+        lock(&self.status).clone()
     }
 
     /// Whether the pool is full, so that recording has to stop.
     pub fn is_full(&self) -> bool {
-        self.lock().full
-    }
-
-    fn lock(&self) -> MutexGuard<'_, WriterStatus> {
-        lock(&self.status)
+        lock(&self.status).full
     }
 }
 

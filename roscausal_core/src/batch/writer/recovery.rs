@@ -4,11 +4,14 @@ use std::{fs, path::Path};
 
 use super::{
     Processing, WriterConfig,
-    job::{COMMIT, DONE, Job, Origin, Step, marker, remove},
+    job::{COMMIT, DONE, Job, Origin, Step, marker},
 };
 use crate::{
     Error, Result,
-    batch::{Recording, journal, pool::Pool},
+    batch::{
+        Recording, journal,
+        pool::{Pool, remove},
+    },
 };
 
 /// Continues where a process that is gone stopped: completes what was being written, and makes batches from

@@ -15,14 +15,14 @@ use std::{
 use super::{
     Processing, WriterConfig, WriterStatus,
     files::{csv, metadata},
-    job::{COMMIT, DONE, Job, Origin, Step, marker, remove},
+    job::{COMMIT, DONE, Job, Origin, Step, marker},
 };
 use crate::{
     Error, Result,
     batch::{
         Column,
         journal::Journal,
-        pool::{Pool, sidecar, sync_dir},
+        pool::{Pool, remove, sidecar, sync_dir},
     },
     gate::lock,
 };
@@ -57,9 +57,7 @@ impl Work {
     fn finish(&self, mut job: Job) {
         loop {
             let last_try = self.ending.load(Ordering::Relaxed);
-            let Err(error) = self.write(&mut job) else {
-                break;
-            };
+            let Err(error) = self.write(&mut job) else { break };
             let mut status = lock(&self.status);
             let trouble = error.to_string();
             if status.trouble.as_ref() != Some(&trouble) {
@@ -92,15 +90,13 @@ impl Work {
             self.config.raw.write(&sidecar(&name), &facts)?;
             let staged = self.config.raw.stage(&name, &text)?;
             job.name.clone_from(&name);
-            job.protected = match &job.journal {
-                Origin::None => false,
-                Origin::Open(number) => match &self.journal {
-                    Some(journal) => journal.retire(*number, &marker(&name, COMMIT))?,
-                    None => false,
-                },
-                Origin::Left(path) => {
-                    self.rename(path, &self.config.raw.path(&marker(&name, COMMIT))).map(|()| true)?
+            let commit = marker(&name, COMMIT);
+            job.protected = match (&job.journal, &self.journal) {
+                (Origin::Open(number), Some(journal)) => journal.retire(*number, &commit)?,
+                (Origin::Left(path), _) => {
+                    self.rename(path, &self.config.raw.path(&commit)).map(|()| true)?
                 }
+                (Origin::None | Origin::Open(_), _) => false,
             };
             job.step = Step::Staged;
             staged.publish()?;
@@ -214,13 +210,6 @@ impl Work {
 
 /// A name that exists in neither folder.
 fn free_name(raw: &Pool, processed: &Pool, id: &str) -> String {
-    let mut id_and_count = id.to_owned();
-    for count in 2.. {
-        let name = raw.new_name(&id_and_count);
-        if !processed.path(&name).exists() {
-            return name;
-        }
-        id_and_count = format!("{id}_{count}");
-    }
-    raw.new_name(id)
+    let ids = std::iter::once(id.to_owned()).chain((2..).map(|count| format!("{id}_{count}")));
+    ids.map(|id| raw.new_name(&id)).find(|name| !processed.path(name).exists()).unwrap_or_default()
 }

@@ -85,10 +85,8 @@ pub(in crate::batch::table) fn table(columns: Vec<(String, Column)>, reading: &R
         return Err(Complaint::from("it has no columns besides the times; columns of variables are needed"));
     }
     let mut reported = Vec::new();
-    let mut numbers = Vec::new();
-    for &column in &wanted {
-        numbers.push(as_numbers(&columns[column], reading, &mut reported)?);
-    }
+    let numbers = wanted.iter().map(|&column| as_numbers(&columns[column], reading, &mut reported));
+    let numbers = numbers.collect::<Parsed<Vec<_>>>()?;
     let rows = numbers.first().map_or(0, Vec::len);
     if rows == 0 {
         return Err(Complaint::from("it has no rows; rows of numbers are needed"));
@@ -138,28 +136,24 @@ fn as_numbers(
                 words.iter().map(|word| word.as_deref().map(|word| codes.of(word))).collect();
             let sorted = codes.sorted();
             reported.push(Note::Read(format!("words of column '{name}' as codes: {}", codes.reported())));
-            return Ok(given
-                .into_iter()
-                .map(|code| code.map_or(f64::NAN, |code| sorted[code as usize]))
-                .collect());
+            let number = |code: Option<f64>| code.map_or(f64::NAN, |code| sorted[code as usize]);
+            return Ok(given.into_iter().map(number).collect());
         }
         Column::Words(words) => {
             let row = words.iter().position(Option::is_some).unwrap_or(0);
             let word: String =
                 words.get(row).cloned().flatten().unwrap_or_default().chars().take(40).collect();
+            let (row, columns, encode) = (row + 1, Named("columns"), Named("encode"));
             return Err(Complaint::File(format!(
-                "row {}, column '{name}': '{word}' is not a number; name the columns to use with {}, or turn words into \
-                 codes with {} codes",
-                row + 1,
-                Named("columns"),
-                Named("encode")
+                "row {row}, column '{name}': '{word}' is not a number; name the columns to use with {columns}, or turn words into codes \
+                 with {encode} codes"
             )));
         }
         Column::Other(what) => {
+            let columns = Named("columns");
             return Err(Complaint::File(format!(
-                "column '{name}' holds {what}, not numbers; leave it out, such as with {} '!{name}', or save each part of rows and \
-                 columns as a file: each is a recording",
-                Named("columns")
+                "column '{name}' holds {what}, not numbers; leave it out, such as with {columns} '!{name}', or save each part of rows and \
+                 columns as a file: each is a recording"
             )));
         }
     };
@@ -186,37 +180,27 @@ fn seconds(
         Column::Words(words) => {
             let read = |(row, word): (usize, &Option<String>)| {
                 let word = word.as_deref().unwrap_or_default();
-                time::date(word).ok_or_else(|| {
-                    format!(
-                        "row {}, column '{name}': '{word}' is not a date such as 2026-11-24T08:30:00.25+01:00",
-                        row + 1
-                    )
-                })
+                let example = "2026-11-24T08:30:00.25+01:00";
+                let place = || format!("row {}, column '{name}'", row + 1);
+                time::date(word)
+                    .ok_or_else(|| format!("{}: '{word}' is not a date such as {example}", place()))
             };
             (words.iter().enumerate().map(read).collect::<std::result::Result<_, _>>()?, None)
         }
         Column::Other(what) => {
-            return Err(Complaint::File(format!(
-                "column '{name}' holds {what}, not times; {} names another",
-                Named("time_column")
-            )));
+            let named = Named("time_column");
+            return Err(format!("column '{name}' holds {what}, not times; {named} names another").into());
         }
     };
     notes.extend(reported.map(Note::Read));
     if let Some(row) = times.iter().position(|t| !t.is_finite()) {
-        return Err(Complaint::File(format!(
-            "row {}, column '{name}': the time is missing; remove the row",
-            row + 1
-        )));
+        let row = row + 1;
+        return Err(format!("row {row}, column '{name}': the time is missing; remove the row").into());
     }
     let wrong = |pair: &[f64]| pair[1] < pair[0] || (pair[1] == pair[0] && !reading.equal_times);
     if let (Some(row), None) = (times.windows(2).position(wrong), &reading.recording) {
-        return Err(Complaint::File(super::out_of_order(
-            &format!("row {}, column '{name}'", row + 2),
-            times[row],
-            times[row + 1],
-            name,
-        )));
+        let place = format!("row {}, column '{name}'", row + 2);
+        return Err(super::out_of_order(&place, times[row], times[row + 1], name).into());
     }
     Ok(times)
 }

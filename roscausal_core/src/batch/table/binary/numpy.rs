@@ -27,22 +27,14 @@ struct Array {
 /// The columns of a `.npy` file.
 pub(super) fn array_file(bytes: &[u8], memory: Memory) -> Result<Vec<(String, Column)>, String> {
     let array = array(bytes, memory)?;
-    let columns = if array.fields.first().is_some_and(|(name, _)| !name.is_empty()) {
-        array.fields
-    } else {
-        spread("x", array, &[])
-    };
-    Ok(columns)
+    Ok(columns_of("x", array, &[]))
 }
 
 /// The columns of a `.npz` file; `None` if the ZIP archive holds no array.
 pub(super) fn archive(bytes: &[u8], memory: Memory) -> Option<Result<Vec<(String, Column)>, String>> {
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).ok()?;
-    let names: Vec<String> = archive
-        .file_names()
-        .filter_map(|name| Some(name.ok()?.into_owned()))
-        .filter(|name| name.ends_with(".npy"))
-        .collect();
+    let names = archive.file_names().filter_map(|name| Some(name.ok()?.into_owned()));
+    let names: Vec<String> = names.filter(|name| name.ends_with(".npy")).collect();
     if names.is_empty() {
         return None;
     }
@@ -59,10 +51,9 @@ pub(super) fn archive(bytes: &[u8], memory: Memory) -> Option<Result<Vec<(String
             whole += array.fields.iter().map(|(_, column)| column.bytes()).sum::<u64>();
             memory.check_growth(whole, bytes.len() as u64).map(|()| array)
         });
-        let found = found.map_err(|reason| format!("array '{name}': {reason}"));
         match found {
             Ok(array) => arrays.push((name, array)),
-            Err(reason) => return Some(Err(reason)),
+            Err(reason) => return Some(Err(format!("array '{name}': {reason}"))),
         }
     }
     Some(joined(arrays))
@@ -91,11 +82,7 @@ fn joined(arrays: Vec<(String, Array)>) -> Result<Vec<(String, Column)>, String>
             Some(_) => {}
             None => rows = Some((name.clone(), own)),
         }
-        if array.fields.first().is_some_and(|(field, _)| !field.is_empty()) {
-            columns.extend(array.fields);
-        } else {
-            columns.extend(spread(&name, array, &names));
-        }
+        columns.extend(columns_of(&name, array, &names));
     }
     if columns.is_empty() { Err("it has no array of one or two dimensions".into()) } else { Ok(columns) }
 }
@@ -110,15 +97,16 @@ impl Array {
     }
 }
 
-/// An array without fields as columns.
-fn spread(name: &str, array: Array, names: &[Vec<String>]) -> Vec<(String, Column)> {
+/// An array as columns: its fields, or else those of the array.
+fn columns_of(name: &str, array: Array, names: &[Vec<String>]) -> Vec<(String, Column)> {
+    if array.fields.first().is_some_and(|(field, _)| !field.is_empty()) {
+        return array.fields;
+    }
     let Some((_, values)) = array.fields.into_iter().next() else { return Vec::new() };
     let width = match array.shape.as_slice() {
         [_] => return vec![(name.to_owned(), values)],
         [_, width] => *width,
-        _ => {
-            return vec![(name.to_owned(), Column::Other(format!("an array of shape {:?}", array.shape)))];
-        }
+        shape => return vec![(name.to_owned(), Column::Other(format!("an array of shape {shape:?}")))],
     };
     let own = names.iter().find(|names| names.len() == width);
     let title = |column: usize| own.map_or_else(|| format!("{name}_{column}"), |names| names[column].clone());
@@ -287,10 +275,8 @@ type Layout = (Vec<(String, Kind)>, bool, Vec<usize>);
 /// What the header says.
 fn described(header: &str) -> Result<Layout, String> {
     let fault = || {
-        format!(
-            "the header of the NumPy file is not understood: {}",
-            header.trim().chars().take(80).collect::<String>()
-        )
+        let shown: String = header.trim().chars().take(80).collect();
+        format!("the header of the NumPy file is not understood: {shown}")
     };
     let after = |key: &str| {
         let (_, rest) = header.split_once(&format!("'{key}'"))?;
@@ -305,10 +291,8 @@ fn described(header: &str) -> Result<Layout, String> {
         if fields.is_empty() || list.matches('(').count() != fields.len() {
             return Err(fault());
         }
-        fields
-            .iter()
-            .map(|[name, kind]| Ok(((*name).to_owned(), Kind::parse(kind)?)))
-            .collect::<Result<_, String>>()?
+        let field = |[name, kind]: &[&str; 2]| Ok(((*name).to_owned(), Kind::parse(kind)?));
+        fields.iter().map(field).collect::<Result<_, String>>()?
     } else {
         let kind = descr.split('\'').nth(1).ok_or_else(fault)?;
         vec![(String::new(), Kind::parse(kind)?)]
