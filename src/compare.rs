@@ -66,14 +66,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     let Some(results) = results else { return Ok(()) };
     let both: Vec<&Link> = difference.both.iter().map(|(in_a, _)| *in_a).collect();
-    let pictures = [
-        ("both.svg", &a, &both),
-        ("only_a.svg", &a, &difference.only_a),
-        ("only_b.svg", &b, &difference.only_b),
-    ];
+    let Difference { only_a, only_b, .. } = &difference;
+    let pictures = [("both.svg", &a, &both), ("only_a.svg", &a, only_a), ("only_b.svg", &b, only_b)];
     results.write(|dir| {
         pictures.into_iter().try_for_each(|(name, model, links)| {
-            output::write_file(dir, name, draw::dag(&with_links(model, links)).as_bytes()).map(drop)
+            output::write_file(dir, name, draw::dag(&with_links(model, links)).as_bytes())
         })
     })
 }
@@ -130,13 +127,10 @@ fn with_links(model: &Model, links: &[&Link]) -> Model {
     for (i, cause) in model.features.iter().enumerate() {
         for (j, effect) in model.features.iter().enumerate() {
             for lag in 0..part.graph[i][j].len() {
-                let named = |link: &Link, from: &String, to: &String| {
-                    link.cause == *from && link.effect == *to && link.lag == lag
+                let joins = |from, to| {
+                    kept.iter().any(|link| (&link.cause, &link.effect, link.lag) == (from, to, lag))
                 };
-                let stays = kept
-                    .iter()
-                    .any(|link| named(link, cause, effect) || (lag == 0 && named(link, effect, cause)));
-                if !stays {
+                if !joins(cause, effect) && (lag > 0 || !joins(effect, cause)) {
                     part.graph[i][j][lag] = LinkMark::Absent;
                 }
             }

@@ -7,7 +7,6 @@ use std::{
 };
 
 use clap::Args as ClapArgs;
-use indicatif::ProgressBar;
 use roscausal_core::{Error, Result, Time, loopback::Loopback, params::Value};
 use roscausal_discovery::{Model, Progress, Settings};
 use roscausal_hrisim::{
@@ -113,14 +112,11 @@ pub fn run_demo(seed: u64, out: &Path, cancel: Arc<AtomicBool>) -> Result<Model>
 impl Args {
     /// The command that makes the same run again.
     fn command(&self, model: &Model) -> String {
-        let analysis = html_report::flags(model);
-        let done: String = self.interventions.iter().map(|text| format!(" --do {}", quoted(text))).collect();
-        let scenario = quoted(&self.scenario);
+        let Self { scenario, seed, duration, interventions, .. } = self;
+        let (scenario, analysis) = (quoted(scenario), html_report::flags(model));
+        let done: String = interventions.iter().map(|text| format!(" --do {}", quoted(text))).collect();
         // The seed of the analysis is fixed; the one given is that of the simulation.
-        format!(
-            "roscausal demo --scenario {scenario} --seed {} --duration {}{done} {analysis}",
-            self.seed, self.duration
-        )
+        format!("roscausal demo --scenario {scenario} --seed {seed} --duration {duration}{done} {analysis}")
     }
 }
 
@@ -303,7 +299,7 @@ fn await_model(
     progress: &Receiver<Progress>,
     interrupt: &Interrupt,
 ) -> Result<Model> {
-    let bar: ProgressBar = chart::bar("discovery", 0, false);
+    let bar = chart::bar("discovery", 0, false);
     let mut last_sign = Instant::now();
     loop {
         if let Some(progress) = progress.try_iter().last() {
@@ -364,19 +360,13 @@ fn show(args: &Args, folders: &Folders, model: &Model) -> Result<()> {
         args.out.display()
     );
     say!("");
-    let asked = reasoning::closing(
-        model,
-        &args.out.join("model.json"),
-        &folders.analysed_batches()?,
-        args.means.threads,
-    );
+    let (path, batches) = (args.out.join("model.json"), folders.analysed_batches()?);
+    let asked = reasoning::closing(model, &path, &batches, args.means.threads);
     // A model that answers nothing is a result, too.
     let asked = asked
         .unwrap_or_else(|error| format!("The model answers no question here: {}.", flags::sentence(&error)));
     crate::terminal::print_text(&format!("{asked}\n\n"));
-    say!(
-        "Open {} in a browser: the graph, and the evidence of each link.",
-        args.out.join(html_report::REPORT).display()
-    );
+    let report = args.out.join(html_report::REPORT);
+    say!("Open {} in a browser: the graph, and the evidence of each link.", report.display());
     Ok(())
 }

@@ -40,6 +40,7 @@ use crate::{
     recording::{self, InputArgs, Source},
     report::{self, Detail},
     results::{Results, check_whole},
+    terminal,
 };
 use changes::ChangeArgs;
 pub(crate) use method::{Analysis, MeansArgs, MethodArgs};
@@ -107,15 +108,9 @@ enum FormatWord {
 }
 
 impl FormatWord {
+    /// What to print has the same word; what is read has none.
     fn printed(self) -> Option<Format> {
-        match self {
-            Self::Text => Some(Format::Text),
-            Self::Json => Some(Format::Json),
-            Self::Dot => Some(Format::Dot),
-            Self::Graphml => Some(Format::Graphml),
-            Self::Csv => Some(Format::Csv),
-            Self::Trajectories => None,
-        }
+        Format::from_str(self.to_possible_value()?.get_name(), false).ok()
     }
 }
 
@@ -137,20 +132,13 @@ pub(crate) enum Format {
 impl Format {
     /// Prints a model; `advice`: whether the text says what to do next.
     pub(crate) fn print(self, model: &Model, detail: Detail, advice: bool) -> Result<()> {
-        let text = match self {
-            Self::Text => {
-                crate::terminal::print_report(&report::text_with(model, detail, advice));
-                return Ok(());
-            }
-            Self::Json => {
-                crate::terminal::print_json(&model.to_json());
-                return Ok(());
-            }
-            Self::Dot => export::dot(model),
-            Self::Graphml => export::graphml(model),
-            Self::Csv => String::from_utf8_lossy(&export::links_csv(model)?).into_owned(),
-        };
-        crate::terminal::print_text(&text);
+        match self {
+            Self::Text => terminal::print_report(&report::text_with(model, detail, advice)),
+            Self::Json => terminal::print_json(&model.to_json()),
+            Self::Dot => terminal::print_text(&export::dot(model)),
+            Self::Graphml => terminal::print_text(&export::graphml(model)),
+            Self::Csv => terminal::print_text(&String::from_utf8_lossy(&export::links_csv(model)?)),
+        }
         Ok(())
     }
 }
@@ -396,6 +384,11 @@ impl Input {
         Ok(tables.into_iter().map(|table| Self { user: table.clone(), table, run: [run, 0] }).collect())
     }
 
+    /// Whether it was made of a recording.
+    fn is_recorded(&self) -> bool {
+        self.table != self.user
+    }
+
     /// A recording within a table, as `walks.csv (id 3)`.
     fn part(&self, which: &str, number: usize) -> Self {
         let name = self.user.file_name().unwrap_or_default().to_string_lossy();
@@ -428,10 +421,9 @@ impl Data {
     ) -> Result<Self> {
         if args.has_trajectories() {
             if let Some(flag) = args.how.inputs.given_besides_params() {
-                return Err(Error::param(
-                    flag,
-                    format!("it is for recordings; of trajectories, {} says who is analysed", Named("agent")),
-                ));
+                let agent = Named("agent");
+                let reason = format!("it is for recordings; of trajectories, {agent} says who is analysed");
+                return Err(Error::param(flag, reason));
             }
             return args.how.part.part(args.trajectories.read(args)?, &args.changes, None, &args.how.read);
         }
@@ -440,16 +432,14 @@ impl Data {
             return Err(Error::param(flag, reason));
         }
         let (files, _made) = tables_of(args, interrupt, quiet, keep)?;
+        let besides = args.how.part.columns();
         let read = match with_facts(args, &files, settings)? {
             Some(data) => data,
-            None => Self::of(args.how.read.read(
-                &files,
-                args.how.inputs.dt,
-                &args.how.part.columns(),
-                args.how.means.max_bytes(),
-            )?)?,
+            None => {
+                let (dt, max_memory) = (args.how.inputs.dt, args.how.means.max_bytes());
+                Self::of(args.how.read.read(&files, dt, &besides, max_memory)?)?
+            }
         };
-        let besides = args.how.part.columns();
         let variables = if besides.is_empty() { None } else { args.how.read.variables(read.recorded)? };
         args.how.part.part(read, &args.changes, variables.as_deref(), &args.how.read)
     }
@@ -461,11 +451,10 @@ impl Data {
         let (mut warnings, mut known): (Vec<String>, HashSet<String>) = Default::default();
         for (file, table) in &tables {
             // Several batches of one recording say their own names.
-            let name = match file.table.file_name() {
-                Some(batch) if file.table != file.user => {
-                    format!("{} ({})", file.user.display(), batch.display())
-                }
-                _ => file.user.display().to_string(),
+            let user = file.user.display();
+            let name = match file.table.file_name().filter(|_| file.is_recorded()) {
+                Some(batch) => format!("{user} ({})", batch.display()),
+                None => user.to_string(),
             };
             for note in table.notes.iter().map(|note| format!("{name}: {note}")) {
                 if known.insert(note.clone()) {
@@ -473,7 +462,7 @@ impl Data {
                 }
             }
         }
-        let recorded = tables.iter().any(|(file, _)| file.table != file.user);
+        let recorded = tables.iter().any(|(file, _)| file.is_recorded());
         let origins = tables.iter().map(|(file, _)| file.user.clone()).collect();
         let runs = runs_of(&tables, dt);
         let values = tables.into_iter().map(|(_, table)| table.values).collect();
@@ -535,10 +524,10 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
         let facts = Facts::read(file);
         facts.ids.len() > 1 || !facts.context.is_empty()
     };
-    let own = args.how.read.columns.is_some()
-        || args.how.read.join
-        || (args.how.inputs.ignore_settings && files.iter().all(|file| file.table == file.user))
-        || (!args.how.read.features.is_empty() && files.iter().all(|file| file.table == file.user));
+    let (read, recorded) = (&args.how.read, files.iter().any(Input::is_recorded));
+    let own = read.columns.is_some()
+        || read.join
+        || (!recorded && (args.how.inputs.ignore_settings || !read.features.is_empty()));
     if own || !tables.iter().any(says_more) {
         return Ok(None);
     }
@@ -549,15 +538,8 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
     let new = part.exogenous.into_iter().filter(|name| !settings.exogenous.contains(name));
     let new: Vec<String> = new.collect();
     settings.exogenous.extend(new);
-    let recorded = files.iter().any(|file| file.table != file.user);
-    Ok(Some(Data {
-        data: part.data,
-        dt: joint.dt,
-        warnings: joint.warnings,
-        recorded,
-        origins: Vec::new(),
-        runs: Vec::new(),
-    }))
+    let (origins, runs) = (Vec::new(), Vec::new());
+    Ok(Some(Data { data: part.data, dt: joint.dt, warnings: joint.warnings, recorded, origins, runs }))
 }
 
 /// The files to analyse: the user's own, and the batches made from the user's recordings. Those are in a folder that is removed
@@ -569,13 +551,11 @@ fn tables_of(
     keep: Option<&Path>,
 ) -> Result<(Vec<Input>, Option<tempfile::TempDir>)> {
     if !args.files.iter().any(|file| recording::is_recording(file)) {
-        return match args.how.inputs.given() {
-            Some(flag) => Err(Error::param(flag, "it is for recordings; these files are tables")),
-            None => {
-                let inputs = args.files.iter().enumerate().map(|(run, file)| Input::of_table(file, run));
-                Ok((inputs.collect::<Result<Vec<_>>>()?.concat(), None))
-            }
-        };
+        if let Some(flag) = args.how.inputs.given() {
+            return Err(Error::param(flag, "it is for recordings; these files are tables"));
+        }
+        let inputs = args.files.iter().enumerate().map(|(run, file)| Input::of_table(file, run));
+        return Ok((inputs.collect::<Result<Vec<_>>>()?.concat(), None));
     }
     let temporary = tempfile::tempdir().map_err(|e| Error::file(std::env::temp_dir(), e))?;
     interrupt.remove_at_end(temporary.path().to_path_buf());

@@ -23,12 +23,8 @@ pub(crate) fn links_of(scenario: &Scenario) -> Vec<(String, String)> {
 /// Which of the paper's links were found, which are missing, and which are extra. Links of a variable with its own
 /// past are expected and not counted.
 pub(crate) fn comparison(model: &Model) -> String {
-    let found: Vec<(&str, &str)> = model
-        .links
-        .iter()
-        .filter(|link| link.cause != link.effect)
-        .map(|link| (link.cause.as_str(), link.effect.as_str()))
-        .collect();
+    let others = model.links.iter().filter(|link| link.cause != link.effect);
+    let found: Vec<(&str, &str)> = others.map(|link| (link.cause.as_str(), link.effect.as_str())).collect();
     let mut lines = vec!["Beside the paper's expected model:".to_owned()];
     for (cause, effect) in PAPER {
         let mark = if found.contains(&(cause, effect)) { "found  " } else { "missing" };

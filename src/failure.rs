@@ -12,14 +12,10 @@ use crate::{
 /// Prints an error as one sentence on stderr and returns the exit code.
 pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> u8 {
     let Err(error) = done else {
-        return match terminal::fault() {
-            None => 0,
-            Some(fault) => {
-                let why = "the results cannot be written to the standard output";
-                terminal::print_error(format_args!("error: {why}: {fault}"));
-                1
-            }
-        };
+        let Some(fault) = terminal::fault() else { return 0 };
+        let why = "the results cannot be written to the standard output";
+        terminal::print_error(format_args!("error: {why}: {fault}"));
+        return 1;
     };
     match error {
         Error::Cancelled(reason) if interrupt.is_set() => {
@@ -29,19 +25,11 @@ pub(crate) fn exit_code(done: Result<(), Error>, interrupt: &Interrupt) -> u8 {
             }
             interrupt::CODE
         }
-        Error::Param { .. } => {
-            tell(&error);
-            2
-        }
-        _ => {
-            tell(&error);
-            1
+        error => {
+            terminal::print_error(format_args!("error: {}", flags::sentence(&error)));
+            if matches!(error, Error::Param { .. }) { 2 } else { 1 }
         }
     }
-}
-
-fn tell(error: &Error) {
-    terminal::print_error(format_args!("error: {}", flags::sentence(error)));
 }
 
 /// The exit code of an answer, which is printed already.

@@ -39,12 +39,6 @@ struct State {
     last: Vec<Box<dyn FnOnce() + Send>>,
 }
 
-impl Default for State {
-    fn default() -> Self {
-        Self { words: RECORDED, at_stake: true, last: Vec::new() }
-    }
-}
-
 impl Interrupt {
     /// Turns the first Ctrl-C (or SIGTERM) into a request to end. Where nothing is at stake the process ends soon after
     /// it, whatever it computes. The second one ends the process at once.
@@ -67,7 +61,8 @@ impl Interrupt {
 
     /// A wish that another program tells by `flag`.
     pub(crate) fn on(flag: Arc<AtomicBool>) -> Self {
-        Self { state: Arc::new(Mutex::new(State::default())), flag }
+        let state = State { words: RECORDED, at_stake: true, last: Vec::new() };
+        Self { state: Arc::new(Mutex::new(state)), flag }
     }
 
     /// Whether the command has to end.

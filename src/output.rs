@@ -1,10 +1,6 @@
 //! Files of results: models, pictures, tables. Each is complete or absent; `results.rs` makes a set of them.
 
-use std::{
-    fs,
-    io::Read,
-    path::{Path, PathBuf},
-};
+use std::{fs, io::Read, path::Path};
 
 use ndarray::ArrayView2;
 use roscausal_core::{Error, Result, batch::pool::write_whole};
@@ -67,13 +63,13 @@ impl PictureArgs {
     }
 }
 
-/// Writes `model.json`, the graphs and the list of links into `dir` and returns their names.
-pub(crate) fn write_model(dir: &Path, model: &Model) -> Result<Vec<PathBuf>> {
+/// Writes `model.json`, the graphs and the list of links into `dir`.
+pub(crate) fn write_model(dir: &Path, model: &Model) -> Result<()> {
     write_model_as(dir, model, &PictureArgs::default())
 }
 
 /// As [`write_model`], with the graphs drawn so.
-pub(crate) fn write_model_as(dir: &Path, model: &Model, how: &PictureArgs) -> Result<Vec<PathBuf>> {
+pub(crate) fn write_model_as(dir: &Path, model: &Model, how: &PictureArgs) -> Result<()> {
     let labelled = how.labelled(model)?;
     let [dag, tsdag] = [draw::dag(&labelled), draw::tsdag(&labelled)]
         .map(|svg| draw::fitted(&svg, how.width, !how.no_title));
@@ -89,14 +85,13 @@ pub(crate) fn write_model_as(dir: &Path, model: &Model, how: &PictureArgs) -> Re
         ("tsdag.pdf", draw::pdf(&tsdag)?),
         ("tsdag.svg", tsdag.into_bytes()),
     ];
-    files.iter().map(|(name, bytes)| write_file(dir, name, bytes)).collect()
+    files.iter().try_for_each(|(name, bytes)| write_file(dir, name, bytes))
 }
 
 /// Writes a picture as `name.svg` and `name.png`.
 pub(crate) fn write_picture(dir: &Path, name: &str, svg: &str) -> Result<()> {
     write_file(dir, &format!("{name}.svg"), svg.as_bytes())?;
-    write_file(dir, &format!("{name}.png"), &draw::rasterise(svg, SCALE)?.png)?;
-    Ok(())
+    write_file(dir, &format!("{name}.png"), &draw::rasterise(svg, SCALE)?.png)
 }
 
 /// Writes a plot of the series, `name.svg`.
@@ -106,15 +101,13 @@ pub(crate) fn write_series(
     names: &[String],
     values: ArrayView2<f64>,
     dt: Option<f64>,
-) -> Result<PathBuf> {
+) -> Result<()> {
     write_file(dir, &format!("{name}.svg"), draw::series(names, values, dt).as_bytes())
 }
 
 /// Writes a file so that nobody sees an incomplete one.
-pub(crate) fn write_file(dir: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf> {
-    let path = dir.join(name);
-    write_whole(&path, bytes)?;
-    Ok(path)
+pub(crate) fn write_file(dir: &Path, name: &str, bytes: &[u8]) -> Result<()> {
+    write_whole(&dir.join(name), bytes)
 }
 
 /// How much of a file is read to see whose it is.
@@ -154,9 +147,9 @@ fn is_device(file: &Path) -> bool {
 }
 
 /// Writes a file of the user's: whole or not at all, except into a device.
-pub(crate) fn write_at(file: &Path, bytes: &[u8]) -> Result<PathBuf> {
+pub(crate) fn write_at(file: &Path, bytes: &[u8]) -> Result<()> {
     if is_device(file) {
-        return fs::write(file, bytes).map(|()| file.to_owned()).map_err(|e| Error::file(file, e));
+        return fs::write(file, bytes).map_err(|e| Error::file(file, e));
     }
     write_file(folder_of(file), &file.file_name().unwrap_or_default().to_string_lossy(), bytes)
 }

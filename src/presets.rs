@@ -21,7 +21,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use clap::{ArgMatches, Command, parser::ValueSource};
+use clap::{Arg, ArgMatches, Command, parser::ValueSource};
 use roscausal_core::{Error, Result, params::nearest};
 use roscausal_discovery::{independence_tests::Significance, methods::Method, settings::setting};
 use toml::{Table, Value};
@@ -57,14 +57,12 @@ pub(crate) fn apply(
     matches: &ArgMatches,
     command: &Command,
 ) -> Result<(Vec<OsString>, Vec<String>)> {
-    let nothing = || (line.to_vec(), Vec::new());
-    let Some((name, own)) = matches.subcommand() else { return Ok(nothing()) };
-    let Some((_, positional)) = READERS.iter().find(|(reader, _)| *reader == name) else {
-        return Ok(nothing());
+    let reader = |(name, own)| {
+        let (_, positional) = READERS.iter().find(|(reader, _)| *reader == name)?;
+        Some((name, own, *positional))
     };
-    if own.get_flag(IGNORE) {
-        return Ok(nothing());
-    }
+    let reader = matches.subcommand().and_then(reader).filter(|(_, own, _)| !own.get_flag(IGNORE));
+    let Some((name, own, positional)) = reader else { return Ok((line.to_vec(), Vec::new())) };
     let data: Vec<&Path> =
         own.get_many::<PathBuf>(positional).into_iter().flatten().map(AsRef::as_ref).collect();
     let (mut preset, mut reported): (Vec<OsString>, Vec<String>) = (Vec::new(), Vec::new());
@@ -128,17 +126,19 @@ pub(crate) fn apply(
 
 /// Whether a subcommand has a long flag.
 fn has_flag(command: &Command, subcommand: &str, flag: &str) -> bool {
-    let own = command.find_subcommand(subcommand);
-    own.is_some_and(|own| own.get_arguments().any(|arg| arg.get_long() == Some(flag)))
+    arg_of(command, subcommand, flag).is_some()
+}
+
+fn arg_of<'a>(command: &'a Command, subcommand: &str, flag: &str) -> Option<&'a Arg> {
+    command.find_subcommand(subcommand)?.get_arguments().find(|arg| arg.get_long() == Some(flag))
 }
 
 /// Whether this flag of a subcommand has to have a value.
 fn needs_value(command: &Command, subcommand: &str, flag: &str) -> bool {
     let mut command = command.clone();
     command.build();
-    let own = command.find_subcommand(subcommand);
-    let arg = own.and_then(|own| own.get_arguments().find(|arg| arg.get_long() == Some(flag)));
-    arg.and_then(clap::Arg::get_num_args).is_some_and(|range| range.min_values() > 0)
+    let range = arg_of(&command, subcommand, flag).and_then(Arg::get_num_args);
+    range.is_some_and(|range| range.min_values() > 0)
 }
 
 /// What a flag's value decides, of which the first place that names it counts: the flag, or the parameter in `--param`.
@@ -192,10 +192,8 @@ fn find(data: &[&Path], known: &[String]) -> Result<Vec<Found>> {
     }
     let ignores =
         |found: &[Found]| found.iter().any(|place| place.flags.iter().any(|(flag, _)| flag == IGNORE_FLAG));
-    let configuration =
-        configuration().into_iter().map(|file| stated(&file, known)).collect::<Result<Vec<_>>>()?;
-    let configuration: Vec<Found> = configuration.into_iter().flatten().collect();
-    if !ignores(&found) && !ignores(&configuration) {
+    let configuration = configuration().map(|file| stated(&file, known)).transpose()?.flatten();
+    if !ignores(&found) && !ignores(configuration.as_slice()) {
         found.extend(with_the_data(data, &beside, known)?);
     }
     found.extend(configuration);
@@ -213,11 +211,11 @@ fn is_near(folder: &Path, data: &[&Path]) -> bool {
     data.iter().any(|path| path.ancestors().any(is_within) || is_around(path))
 }
 
-/// The user's files of settings in the user's configuration folder.
-fn configuration() -> Vec<PathBuf> {
+/// The user's file of settings in the user's configuration folder.
+fn configuration() -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|set| !set.is_empty()).map(PathBuf::from);
     let folder = set("XDG_CONFIG_HOME").or_else(|| Some(set("HOME")?.join(".config")));
-    folder.map(|folder| folder.join("roscausal").join(FILE)).into_iter().collect()
+    folder.map(|folder| folder.join("roscausal").join(FILE))
 }
 
 /// What a file says, if it is there.
@@ -247,14 +245,10 @@ fn with_the_data(data: &[&Path], folders: &[PathBuf], known: &[String]) -> Resul
             // The step and the people belong to each recording by itself.
             (node == "discovery").then(|| flags::of_parameter(node, param, value)).flatten()
         };
-        let flags = carried(path)?
-            .used
-            .iter()
-            .filter_map(flag)
-            .map(|(flag, value)| (flag.to_owned(), vec![value]))
-            .collect();
+        let used = carried(path)?.used;
+        let flags = used.iter().filter_map(flag).map(|(flag, value)| (flag.to_owned(), vec![value]));
         // What a recording may not decide is told where its parameters are used.
-        found.push(Found { place: path.to_path_buf(), flags, left_out: Vec::new() });
+        found.push(Found { place: path.to_path_buf(), flags: flags.collect(), left_out: Vec::new() });
         found.extend(stated(&sidecar(path), known)?.map(|stated| stated.allowed(travel::may_say)));
     }
     for folder in folders {
@@ -308,7 +302,7 @@ pub(crate) fn write(folder: &Path, carried: &BTreeMap<String, String>) -> Result
     if text.len() == before {
         return Ok(());
     }
-    crate::output::write_file(folder, FILE, text.as_bytes()).map(drop)
+    crate::output::write_file(folder, FILE, text.as_bytes())
 }
 
 /// The flags that a file names, checked against those that are known of any subcommand.

@@ -63,20 +63,17 @@ pub(crate) fn text_with(model: &Model, detail: Detail, advice: bool) -> String {
 
 /// A text in lines that fit a terminal: the first begins with `mark`, the others below its end.
 fn wrapped(mark: &str, text: &str) -> Vec<String> {
-    let mut lines = vec![mark.to_owned()];
     let indent = " ".repeat(if mark == "note: " { 2 } else { mark.len() });
-    let mut is_begun = false;
-    for word in text.split(' ') {
-        let Some(line) = lines.last_mut() else { break };
-        if !is_begun {
-            line.push_str(word);
-        } else if line.chars().count() + 1 + word.chars().count() <= WIDTH {
-            *line += &format!(" {word}");
+    let mut words = text.split(' ');
+    let (mut lines, mut line) = (Vec::new(), format!("{mark}{}", words.next().unwrap_or_default()));
+    for word in words {
+        if line.chars().count() + 1 + word.chars().count() <= WIDTH {
+            line += &format!(" {word}");
         } else {
-            lines.push(format!("{indent}{word}"));
+            lines.push(std::mem::replace(&mut line, format!("{indent}{word}")));
         }
-        is_begun = true;
     }
+    lines.push(line);
     lines
 }
 
@@ -107,11 +104,8 @@ fn rows(model: &Model, summary: &Summary, most: usize) -> Vec<String> {
         format!("  {pair:a$}  {when:>b$}  {strength:>c$}  {p:d$}  {sure}").trim_end().to_owned()
     };
     let more = summary.links.len().saturating_sub(most);
-    cells
-        .iter()
-        .map(row)
-        .chain((more > 0).then(|| format!("  {more} more, none of them firmer: --all")))
-        .collect()
+    let more = (more > 0).then(|| format!("  {more} more, none of them firmer: --all"));
+    cells.iter().map(row).chain(more).collect()
 }
 
 /// "h_v at t-1 (0.3 s earlier) drives h_dg: strength 0.49, p < 0.001".
@@ -202,12 +196,9 @@ fn table(model: &Model) -> Vec<String> {
     for (i, cause) in names.iter().enumerate() {
         for (j, effect) in names.iter().enumerate() {
             for lag in model.tau_min..=model.tau_max {
-                if lag == 0 && i == j {
-                    continue;
-                }
                 let (value, p) = (model.val_matrix[i][j][lag], model.p_matrix[i][j][lag]);
                 let mark = model.graph[i][j][lag];
-                if model.features.len() > 8 && !mark.is_link() {
+                if (lag == 0 && i == j) || (model.features.len() > 8 && !mark.is_link()) {
                     continue;
                 }
                 let outcome = model.outcomes[i][j][lag];

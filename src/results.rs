@@ -228,17 +228,14 @@ impl Results {
                 let reason = "a link or file of others is where a folder of results has to be";
                 return Err(Error::file(path, reason));
             };
-            match fs::symlink_metadata(&place) {
-                Ok(found) if found.is_dir() => {
-                    return Err(Error::file(path, "a folder of others has the name of a result"));
-                }
+            let reason = match fs::symlink_metadata(&place) {
+                Ok(found) if found.is_dir() => "a folder of others has the name of a result",
                 Ok(_) if !self.force && !self.old.contains(file) => {
-                    let reason =
-                        "a file of others has the name of a result; move it, or choose another --out";
-                    return Err(Error::file(path, reason));
+                    "a file of others has the name of a result; move it, or choose another --out"
                 }
-                _ => {}
-            }
+                _ => continue,
+            };
+            return Err(Error::file(path, reason));
         }
         Ok(())
     }
@@ -263,13 +260,11 @@ impl Results {
 /// # Errors
 /// A run was killed while its results moved to their places.
 pub(crate) fn check_whole(path: &Path) -> Result<()> {
-    match path.ancestors().find(|folder| is_folder(&folder.join(HOME).join(NEW))) {
-        None => Ok(()),
-        Some(folder) => {
-            let reason = "a run was ended by force while it replaced these results; start it again with the same --out";
-            Err(Error::file(if folder == Path::new("") { Path::new(".") } else { folder }, reason))
-        }
-    }
+    let is_partial = |folder: &&Path| is_folder(&folder.join(HOME).join(NEW));
+    let Some(folder) = path.ancestors().find(is_partial) else { return Ok(()) };
+    let reason =
+        "a run was ended by force while it replaced these results; start it again with the same --out";
+    Err(Error::file(if folder == Path::new("") { Path::new(".") } else { folder }, reason))
 }
 
 /// An error about a file in the folder `from`, in words about the folder `to`.
@@ -461,9 +456,10 @@ impl Lock {
         let (home, path) = (dir.join(HOME), dir.join(HOME).join(LOCK));
         for _ in 0..ATTEMPTS {
             fs::create_dir_all(dir).map_err(|e| unwritable(dir, e))?;
-            match fs::create_dir(&home) {
-                Err(error) if !is_folder(&home) => return Err(unwritable(dir, error)),
-                _ => {}
+            if let Err(error) = fs::create_dir(&home)
+                && !is_folder(&home)
+            {
+                return Err(unwritable(dir, error));
             }
             // Nothing is written through a link.
             if fs::symlink_metadata(&path).is_ok_and(|found| !found.is_file()) {
@@ -485,10 +481,8 @@ impl Lock {
                 Err(TryLockError::WouldBlock) => {
                     let mut process = String::new();
                     let _ = file.take(20).read_to_string(&mut process);
-                    let reason = format!(
-                        "process {} writes its results into this folder; wait for its end, or choose another --out",
-                        process.trim()
-                    );
+                    let (process, way) = (process.trim(), "wait for its end, or choose another --out");
+                    let reason = format!("process {process} writes its results into this folder; {way}");
                     return Err(Error::file(dir, reason));
                 }
             }

@@ -7,7 +7,7 @@ use roscausal_core::{Error, Result};
 use roscausal_discovery::{
     Control, DataFrame, LinkMark, Model, Settings,
     changes::{self, ChangeEvent, Detector, Form, Levels},
-    confidence::{Resampling, set_step},
+    confidence::set_step,
     methods::Status,
     names::plain,
     rolling::{
@@ -99,8 +99,14 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         }
         rolling.begin();
         if rolling.status == Status::Complete {
-            let take = |window| rolling.take(window);
-            rolling.status = models(&data, &settings, &windows, resampling.as_ref(), &control, take)?;
+            let take = |window| {
+                rolling.take(window);
+                Ok(())
+            };
+            rolling.status = match &resampling {
+                Some(resampling) => roll_resampled(&data, &settings, &windows, resampling, &control, take)?,
+                None => roll(&data, &settings, &windows, &control, take)?,
+            };
         }
         rolling.end();
         Ok(rolling)
@@ -125,23 +131,18 @@ impl Args {
     fn check_batch(&self, data: &DataFrame, tau_max: usize) -> Result<()> {
         let past = tau_max.saturating_mul(2);
         let longest = data.recordings().iter().map(|rows| rows.nrows()).max().unwrap_or(0);
-        match self.batch {
-            Some(0) => Err(Error::param("batch", "a batch has rows; give 1 or more")),
+        let reason = match self.batch {
+            Some(0) => "a batch has rows; give 1 or more".to_owned(),
             Some(rows) if rows > longest => {
-                let reason = format!(
-                    "{rows} rows leave no batch in {longest} rows; give shorter batches or record longer"
-                );
-                Err(Error::param("batch", reason))
+                format!("{rows} rows leave no batch in {longest} rows; give shorter batches or record longer")
             }
-            Some(rows) if rows <= past => {
-                let reason = format!(
-                    "the first batch of {rows} rows has no sample, since {past} rows only serve as the past of others; give more than \
-                     {past}, or a lower --tau-max"
-                );
-                Err(Error::param("batch", reason))
-            }
-            _ => Ok(()),
-        }
+            Some(rows) if rows <= past => format!(
+                "the first batch of {rows} rows has no sample, since {past} rows only serve as the past of others; give more than {past}, \
+                 or a lower --tau-max"
+            ),
+            _ => return Ok(()),
+        };
+        Err(Error::param("batch", reason))
     }
 
     /// Adds what the detector tells of the whole data, recording after recording.
@@ -163,9 +164,9 @@ impl Args {
                 (Some(detector.rows()), detector.misfit().map(|note| flags::spelled(&note)));
             match read {
                 Err(error) if control.is_timeout(&error) => {
+                    let rows = detector.rows();
                     let how_far = format!(
-                        "the time budget ended after {} rows of changes, before the first window",
-                        detector.rows()
+                        "the time budget ended after {rows} rows of changes, before the first window"
                     );
                     return Ok(Status::Partial(how_far));
                 }
@@ -174,24 +175,6 @@ impl Args {
         }
         Ok(Status::Complete)
     }
-}
-
-fn models(
-    data: &DataFrame,
-    settings: &Settings,
-    windows: &Windows,
-    resampling: Option<&Resampling>,
-    control: &Control,
-    mut take: impl FnMut(WindowModel),
-) -> Result<Status> {
-    let each = |window| {
-        take(window);
-        Ok(())
-    };
-    Ok(match resampling {
-        Some(resampling) => roll_resampled(data, settings, windows, resampling, control, each)?,
-        None => roll(data, settings, windows, control, each)?,
-    })
 }
 
 /// What was found so far.

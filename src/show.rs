@@ -46,7 +46,5 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let results = Results::wanted(args.out.as_deref(), args.force, std::slice::from_ref(&args.model))?;
     args.format.print(&model, args.detail, true)?;
     html_report::of_stored(&args.model, args.report.as_deref(), &args.latex, args.force)?;
-    results.map_or(Ok(()), |results| {
-        results.write(|dir| output::write_model_as(dir, &model, &args.pictures).map(drop))
-    })
+    results.map_or(Ok(()), |results| results.write(|dir| output::write_model_as(dir, &model, &args.pictures)))
 }

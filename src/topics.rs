@@ -57,6 +57,14 @@ impl Count {
     fn rate(&self) -> Option<f64> {
         (self.length_s > 0.0).then(|| (self.messages - self.runs) as f64 / self.length_s)
     }
+
+    /// The rate and the longest gap as texts.
+    fn texts(&self) -> [String; 2] {
+        match self.rate() {
+            Some(rate) => [format!("{rate:.2}"), format!("{:.3}", self.gap_s)],
+            None => ["-"; 2].map(str::to_owned),
+        }
+    }
 }
 
 /// Runs `roscausal topics`: a table with one line for each topic, in the order of the names.
@@ -88,8 +96,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let columns = "messages  rate, Hz     gap, s   offset, s  spread, s  jumps";
     say!("{:names$}  {:types$}  {columns}", "topic", "type");
     for ((topic, count), offset) in lines {
-        let rate = count.rate().map_or_else(|| "-".to_owned(), |rate| format!("{rate:.2}"));
-        let gap = count.rate().map_or_else(|| "-".to_owned(), |_| format!("{:.3}", count.gap_s));
+        let [rate, gap] = count.texts();
         let (name, kind, messages) = (&topic.name, &topic.type_name, count.messages);
         let [offset, spread, jumps] =
             offset.as_ref().map_or_else(|| ["-"; 3].map(str::to_owned), Offset::texts);

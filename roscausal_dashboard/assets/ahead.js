@@ -1,9 +1,8 @@
 // What may come: predictions, what-if by a slider, candidate actions side by side, and the last explanation. The server asks the
 // reasoning node; the robot is not touched.
 
-import { clock, element, make, ticks } from "./draw.js";
+import { $, clock, element, make, ticks } from "./draw.js";
 
-const $ = (id) => document.getElementById(id);
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [260, 92, 38, 6, 6, 16];
 /** Most candidates that are kept beside the slider's, and most variables that a candidate shows. */
 const [MOST_KEPT, MOST_SHOWN] = [3, 4];

@@ -181,16 +181,10 @@ export class Charts {
       element("title", {}, area, fan.name ?? "prediction, if nobody acts");
       element("path", { class: `coming ${fan.kind}`, d: line(course(forecast.mean), x, y) }, chart.back);
     }
-    let [pen, d] = ["M", ""];
-    seen.forEach((known, i) => {
-      const value = known[chart.column];
-      if (value === null) { pen = "M"; return; }
-      if (i % stride && i !== seen.length - 1) return;
-      if (known[0] < this.from) return;
-      d += `${pen}${x(known[0]).toFixed(1)} ${y(value).toFixed(1)}`;
-      pen = "L";
-    });
-    chart.path.setAttribute("d", d);
+    const points = seen.map((known) => [known[0], known[chart.column]]);
+    // What is missing stays, so that no line leads over it.
+    const drawn = points.filter(([t, value], i) => value === null || (t >= this.from && (i % stride === 0 || i === seen.length - 1)));
+    chart.path.setAttribute("d", line(drawn, x, y));
   }
 
   /** The values where the pointer is, or else at the moment shown. */

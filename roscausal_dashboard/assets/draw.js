@@ -2,6 +2,9 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 
+/** The element of the page with this id. */
+export const $ = (id) => document.getElementById(id);
+
 /** A new SVG element. Text from outside becomes text, never markup. */
 export const element = (name, attributes = {}, parent, text) => {
   const made = document.createElementNS(SVG, name);

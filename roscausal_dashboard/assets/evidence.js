@@ -10,9 +10,9 @@ const same = (a, b) => a.cause === b.cause && a.effect === b.effect && a.lag ===
 /** Shows in `place` what stands behind `link` of `model`. `seen` is the evidence of the model, if it is known. */
 export function showEvidence(place, link, model, models, seen, words) {
   const found = seen?.links.find((other) => same(other, link));
-  const list = document.createElement("dl");
+  const list = make("dl");
   const fact = (name, value) => {
-    const row = document.createElement("div");
+    const row = make("div");
     row.append(make("dt", name), make("dd", value));
     list.append(row);
   };
@@ -30,12 +30,11 @@ export function showEvidence(place, link, model, models, seen, words) {
   const plots = make("div", "", "plots");
   if (found) {
     plots.append(lagFunction(found, model.level));
-    plots.append(dots(found.scatter, "Samples", `${found.cause}(t-${found.lag})`, `${found.effect}(t)`));
-    if (found.residuals.length) plots.append(dots(found.residuals, "After the conditions (linear)", `${found.cause}(t-${found.lag})`, `${found.effect}(t)`));
+    const axes = [`${found.cause}(t-${found.lag})`, `${found.effect}(t)`];
+    plots.append(dots(found.scatter, "Samples", ...axes));
+    if (found.residuals.length) plots.append(dots(found.residuals, "After the conditions (linear)", ...axes));
   }
-  const close = make("button", "Close");
-  close.type = "button";
-  close.id = "asked-close";
+  const close = Object.assign(make("button", "Close"), { type: "button", id: "asked-close" });
   place.replaceChildren(make("h3", words), list, plots);
   if (!found) place.append(make("p", "The evidence of this model is not here: it is kept for the newest models, and only if the discovery node sends it."));
   place.append(close);
@@ -45,10 +44,7 @@ export function showEvidence(place, link, model, models, seen, words) {
 }
 
 function frame(title) {
-  const svg = element("svg");
-  svg.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
-  svg.setAttribute("role", "img");
-  svg.setAttribute("aria-label", title);
+  const svg = element("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": title });
   element("text", { x: LEFT, y: 13 }, svg, title);
   element("path", { class: "axes", d: `M ${LEFT} ${TOP} V ${BOTTOM} H ${WIDTH - 8}` }, svg);
   return svg;

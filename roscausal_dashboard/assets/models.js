@@ -1,10 +1,9 @@
 // The models of the run: history, graph, sentences, and the evidence of a link.
 
-import { clock, make } from "./draw.js";
+import { $, clock, make } from "./draw.js";
 import { showEvidence } from "./evidence.js";
 import { compared, pictures, sentence, showGraph, showMatrix } from "./graph.js";
 
-const $ = (id) => document.getElementById(id);
 /** Evidence of models by their batch, newest last. */
 const evidence = new Map();
 const MOST_EVIDENCE = 20;
@@ -57,9 +56,7 @@ function showModel() {
   showConclusion(model.batch);
   $("model-title").textContent = `Model ${model.number}, ${clock(model.t)}: ${model.method.toUpperCase()} with ${model.test.toUpperCase()}, ${model.level_name} ${model.level ?? "chosen by a score"}, ${model.samples} samples from ${model.batch}`;
   const slider = $("history");
-  slider.min = 1;
-  slider.max = models.length;
-  slider.value = shown + 1;
+  [slider.min, slider.max, slider.value] = [1, models.length, shown + 1];
   slider.setAttribute("aria-valuetext", `model ${model.number} of ${models.at(-1).number}, ${clock(model.t)}`);
   slider.disabled = models.length < 2;
   $("history-text").textContent = `${model.number} of ${models.at(-1).number}`;
@@ -75,8 +72,7 @@ function showModel() {
       item.append(sentence(link, model));
       return item;
     }
-    const button = make("button", sentence(link, model), "asking");
-    button.type = "button";
+    const button = Object.assign(make("button", sentence(link, model), "asking"), { type: "button" });
     button.dataset.link = `${link.cause} ${link.effect} ${link.lag}`;
     button.addEventListener("click", () => ask(link));
     item.append(button);

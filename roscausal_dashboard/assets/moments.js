@@ -8,19 +8,14 @@ const CALM_MS = 1000;
 export class Moments {
   /** `show(scene, past)` draws; `changed()` is called when time or state have changed. */
   constructor(show, changed) {
-    this.show = show;
-    this.changed = changed;
+    Object.assign(this, { show, changed, person: undefined, speed: 1 });
     this.calm = window.matchMedia("(prefers-reduced-motion: reduce)");
-    this.person = undefined;
-    this.speed = 1;
     this.restart();
   }
 
   restart() {
-    this.first = this.last = this.newestScene = undefined;
-    this.at = undefined;
-    this.playing = false;
-    this.ended = false;
+    this.first = this.last = this.newestScene = this.at = undefined;
+    this.playing = this.ended = false;
     clearInterval(this.clock);
   }
 

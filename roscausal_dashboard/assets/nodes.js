@@ -1,8 +1,7 @@
 // Batches, nodes and messages, as lists.
 
-import { clock, make } from "./draw.js";
+import { $, clock, make } from "./draw.js";
 
-const $ = (id) => document.getElementById(id);
 const MOST_MESSAGES = 200;
 
 export function showStatus(status) {
@@ -16,11 +15,10 @@ export function showStatus(status) {
   for (const node of status.nodes) {
     let item = [...list.children].find((li) => li.dataset.name === node.name);
     if (!item) {
-      item = document.createElement("li");
+      item = make("li");
       item.dataset.name = node.name;
-      const details = document.createElement("details");
-      const table = document.createElement("table");
-      table.append(document.createElement("tbody"));
+      const [details, table] = [make("details"), make("table")];
+      table.createTBody();
       details.append(make("summary", "Figures", ""), table);
       item.append(make("strong", node.name, ""), make("span", "", "level"), make("p", "", ""), details);
       list.append(item);
@@ -32,8 +30,7 @@ export function showStatus(status) {
     message.textContent = node.level === 0 ? "" : node.message;
     if (details.open || !details.querySelector("tr")) {
       details.querySelector("tbody").replaceChildren(...node.values.map(([name, value]) => {
-        const row = document.createElement("tr");
-        const head = make("th", name, "");
+        const [row, head] = [make("tr"), make("th", name, "")];
         head.scope = "row";
         row.append(head, make("td", value, ""));
         return row;
@@ -45,13 +42,7 @@ export function showStatus(status) {
 function meter(id, done, of, unit) {
   const meter = $(id);
   if (done === null || done === undefined) return;
-  if (of) {
-    meter.max = of;
-    meter.value = done;
-  } else {
-    meter.max = 1;
-    meter.value = 0;
-  }
+  [meter.max, meter.value] = of ? [of, done] : [1, 0];
   $(`${id}-text`).textContent = of ? `${done} of ${of} ${unit}` : done ? `${done} ${unit}` : "idle";
 }
 

@@ -2,14 +2,12 @@
 
 import { Ahead } from "./ahead.js";
 import { Charts } from "./charts.js";
-import { clock } from "./draw.js";
+import { $, clock } from "./draw.js";
 import { addEvidence, addModel, changesOf, known, restart } from "./models.js";
 import { Moments } from "./moments.js";
 import { addMessage, showStatus } from "./nodes.js";
 import { Scene } from "./scene.js";
 import { Timeline } from "./timeline.js";
-
-const $ = (id) => document.getElementById(id);
 
 const scene = new Scene($("scene"), $("scene-text"), (who) => {
   const list = $(who === "robot" ? "follow" : "person");

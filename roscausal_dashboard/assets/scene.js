@@ -13,23 +13,16 @@ const [NEAR, STILL] = [16, 4];
 export class Scene {
   /** `choose("robot")` or `choose(id)` is called when the reader clicks on somebody. */
   constructor(svg, text, choose) {
-    this.svg = svg;
-    this.bodies = [];
-    this.text = text;
+    Object.assign(this, { svg, text, bodies: [], known: [], drawn: new Map(), trails: new Map(), told: 0, pressed: [0, 0] });
     this.grid = element("g", {}, svg);
     this.plan = element("g", {}, svg);
     // What belongs to the person chosen, all people, and the robot. People keep their elements: there may be a hundred.
     this.body = element("g", {}, svg);
     this.crowd = element("g", {}, svg);
     this.over = element("g", {}, svg);
-    this.drawn = new Map();
     this.marks = element("g", {}, svg);
-    this.trails = new Map();
-    this.told = 0;
-    this.known = [];
     this.view = new View(svg, () => this.look());
     this.restart();
-    this.pressed = [0, 0];
     // By place: what is drawn is replaced with each scene.
     svg.addEventListener("pointerdown", (event) => { this.pressed = [event.clientX, event.clientY]; });
     svg.addEventListener("click", (event) => {

@@ -24,10 +24,7 @@ export class Timeline {
   }
 
   restart() {
-    this.models = [];
-    this.spans = new Map();
-    this.changes = [];
-    this.first = this.last = undefined;
+    Object.assign(this, { models: [], spans: new Map(), changes: [], first: undefined, last: undefined });
   }
 
   width() { return Math.max(40, this.svg.clientWidth - LEFT - RIGHT); }

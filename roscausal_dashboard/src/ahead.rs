@@ -80,13 +80,8 @@ impl Ahead {
         let of = |k: usize| -> Vec<Json> {
             known.iter().map(|(_, values)| json!(values.get(k).copied().map(fine))).collect()
         };
-        let values: Vec<Json> = self
-            .names
-            .iter()
-            .take(MOST_VARIABLES)
-            .enumerate()
-            .map(|(k, name)| json!([name, of(k)]))
-            .collect();
+        let names = self.names.iter().take(MOST_VARIABLES).enumerate();
+        let values: Vec<Json> = names.map(|(k, name)| json!([name, of(k)])).collect();
         json!({"t": known.iter().map(|(t, _)| rounded(*t)).collect::<Vec<_>>(), "values": values})
     }
 }

@@ -72,8 +72,16 @@ impl Hub {
 
     /// Sends a frame to all browsers, and keeps it for later ones.
     pub(crate) fn send(&self, frame: Frame, keep: Keep) {
-        let mut kept = self.lock();
-        self.keep(&mut kept, frame.clone(), keep);
+        let mut kept = lock(&self.kept);
+        if keep == Keep::Last {
+            kept.last.insert(frame.kind, frame.clone());
+        } else {
+            let frames = kept.all.entry(frame.kind).or_default();
+            frames.push_back(frame.clone());
+            if frames.len() > if keep == Keep::Few { KEPT_LARGE } else { KEPT } {
+                frames.pop_front();
+            }
+        }
         // Under the lock, so that a new browser gets it exactly once. It is no error if there is no browser.
         let _ = self.frames.send(frame);
     }
@@ -116,25 +124,9 @@ impl Hub {
 
     /// What a new browser gets first, and the stream of what follows.
     pub(crate) fn join(&self) -> (Vec<Frame>, broadcast::Receiver<Frame>) {
-        let kept = self.lock();
+        let kept = lock(&self.kept);
         let first = kept.last.values().chain(kept.all.values().flatten()).cloned().collect();
         (first, self.frames.subscribe())
-    }
-
-    fn keep(&self, kept: &mut Kept, frame: Frame, keep: Keep) {
-        if keep == Keep::Last {
-            kept.last.insert(frame.kind, frame);
-            return;
-        }
-        let frames = kept.all.entry(frame.kind).or_default();
-        frames.push_back(frame);
-        if frames.len() > if keep == Keep::Few { KEPT_LARGE } else { KEPT } {
-            frames.pop_front();
-        }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Kept> {
-        lock(&self.kept)
     }
 }
 

@@ -31,14 +31,11 @@ impl Moment {
             velocity: [twist.linear.x as f32, twist.linear.y as f32],
             goal: [goal.x as f32, goal.y as f32],
         };
+        let person = |one: &HumanState| (one.id, place(&one.pose2d, &one.twist, &one.goal));
         Self {
             t: time.as_secs_f64(),
             robot: robot.map(|robot| place(&robot.pose2d, &robot.twist, &robot.goal)),
-            people: humans
-                .humans
-                .iter()
-                .map(|person| (person.id, place(&person.pose2d, &person.twist, &person.goal)))
-                .collect(),
+            people: humans.humans.iter().map(person).collect(),
         }
     }
 

@@ -35,13 +35,10 @@ impl Patient {
             return written;
         }
         let waiting = self.waiting.get_or_insert_with(|| Box::pin(sleep(PATIENCE)));
-        match waiting.as_mut().poll(context) {
-            Poll::Ready(()) => {
-                tracing::debug!("a browser that stopped reading was dropped");
-                Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
-            }
-            Poll::Pending => Poll::Pending,
-        }
+        waiting.as_mut().poll(context).map(|()| {
+            tracing::debug!("a browser that stopped reading was dropped");
+            Err(io::ErrorKind::TimedOut.into())
+        })
     }
 }
 

@@ -34,11 +34,15 @@ const WAITING: usize = 8;
 pub(crate) fn answer<M: Middleware>(mw: &M, hub: &Hub) -> Result<SyncSender<Asked>> {
     let (sender, asked): (_, Receiver<Asked>) = sync_channel(WAITING);
     let (mw, hub) = (mw.clone(), hub.clone());
+    let failed = |error: Error| {
+        let message = format!("{error}; the node roscausal_reasoning answers such questions: is it running?");
+        json!({"status": "NO_ANSWER", "message": message})
+    };
     let work = move || {
         for Asked { question, reply } in asked {
             // Whoever has closed the page waits for nothing.
             if !reply.is_closed() {
-                drop(reply.send(answered(&mw, &hub, &question)));
+                drop(reply.send(answered(&mw, &hub, &question).unwrap_or_else(failed)));
             }
         }
     };
@@ -47,31 +51,22 @@ pub(crate) fn answer<M: Middleware>(mw: &M, hub: &Hub) -> Result<SyncSender<Aske
     Ok(sender)
 }
 
-fn answered<M: Middleware>(mw: &M, hub: &Hub, question: &Question) -> Json {
-    let failed = |error: Error| {
-        let message = format!("{error}; the node roscausal_reasoning answers such questions: is it running?");
-        json!({"status": "NO_ANSWER", "message": message})
-    };
+fn answered<M: Middleware>(mw: &M, hub: &Hub, question: &Question) -> Result<Json> {
     match question {
-        Question::WhatIf(request) => match mw.call::<WhatIf>(WHAT_IF_SERVICE, request, PATIENCE) {
-            Ok(response) => {
-                let past = hub.ahead().past(response.stamp.as_secs_f64());
-                what_if_json(&response, past)
+        Question::WhatIf(request) => {
+            let response = mw.call::<WhatIf>(WHAT_IF_SERVICE, request, PATIENCE)?;
+            let past = hub.ahead().past(response.stamp.as_secs_f64());
+            Ok(what_if_json(&response, past))
+        }
+        Question::Explain(request) => {
+            let response = mw.call::<Explain>(EXPLAIN_SERVICE, request, PATIENCE)?;
+            let json = explain_json(&request.variable, &response);
+            // Everybody sees the last explanation.
+            if response.status == Status::Ok as u8 {
+                hub.send(Frame { kind: "explanation", data: json.to_string().into() }, Keep::Last);
             }
-            Err(error) => failed(error),
-        },
-        Question::Explain(request) => match mw.call::<Explain>(EXPLAIN_SERVICE, request, PATIENCE) {
-            Ok(response) => {
-                let json = explain_json(&request.variable, &response);
-                // Everybody sees the last explanation.
-                if response.status == Status::Ok as u8 {
-                    let frame = Frame { kind: "explanation", data: json.to_string().into() };
-                    hub.send(frame, Keep::Last);
-                }
-                json
-            }
-            Err(error) => failed(error),
-        },
+            Ok(json)
+        }
     }
 }
 

@@ -146,31 +146,29 @@ impl Drop for Server {
 
 /// An address that a browser can open.
 fn shown(local: SocketAddr) -> String {
+    let port = local.port();
     match local.ip() {
-        ip if ip.is_unspecified() => {
-            format!("{}:{}", if ip.is_ipv4() { "127.0.0.1" } else { "[::1]" }, local.port())
-        }
-        _ => local.to_string(),
+        ip if !ip.is_unspecified() => local.to_string(),
+        IpAddr::V4(_) => format!("127.0.0.1:{port}"),
+        IpAddr::V6(_) => format!("[::1]:{port}"),
     }
 }
 
 fn refused(address: IpAddr, port: u16, error: &io::Error) -> Error {
-    match error.kind() {
-        io::ErrorKind::AddrInUse => Error::param(
-            "port",
-            format!(
-                "{port} on {address} is in use by another program; choose another, or 0 for any free one"
-            ),
-        ),
-        io::ErrorKind::AddrNotAvailable => Error::param(
-            "address",
-            format!("{address} is none of this machine's; use 127.0.0.1, or 0.0.0.0 for all"),
-        ),
-        io::ErrorKind::PermissionDenied => {
-            Error::param("port", format!("{port} is not allowed to you; choose one from 1024 on"))
+    let (name, reason) = match error.kind() {
+        io::ErrorKind::AddrInUse => {
+            let way = "choose another, or 0 for any free one";
+            ("port", format!("{port} on {address} is in use by another program; {way}"))
         }
-        _ => Error::param("address", format!("{address}, port {port}: {error}")),
-    }
+        io::ErrorKind::AddrNotAvailable => {
+            ("address", format!("{address} is none of this machine's; use 127.0.0.1, or 0.0.0.0 for all"))
+        }
+        io::ErrorKind::PermissionDenied => {
+            ("port", format!("{port} is not allowed to you; choose one from 1024 on"))
+        }
+        _ => ("address", format!("{address}, port {port}: {error}")),
+    };
+    Error::param(name, reason)
 }
 
 fn app(hub: Hub, guard: Guard, streams: usize) -> Router {
@@ -247,13 +245,9 @@ async fn model(State(hub): State<Hub>, headers: HeaderMap, uri: Uri) -> Response
     }
     let draw = move || {
         let (model, before) = hub.model(asked(&uri, "number")?)?;
-        if model.features.len() > MOST_DRAWN.0
-            || model.links.len() > MOST_DRAWN.1
-            || model.tau_max > MOST_DRAWN.2
-        {
-            return None;
-        }
-        Some(draw::dag_and_matrix(&model, before.as_ref().map_or(&[], |before| &before.links)))
+        let (variables, links, lag) = MOST_DRAWN;
+        let fits = model.features.len() <= variables && model.links.len() <= links && model.tau_max <= lag;
+        fits.then(|| draw::dag_and_matrix(&model, before.as_ref().map_or(&[], |before| &before.links)))
     };
     // A large one takes its time, and the stream of events goes on meanwhile.
     let drawn = tokio::task::spawn_blocking(draw).await.ok().flatten();

@@ -30,10 +30,8 @@ pub(crate) fn read(py: Python<'_>, paths: Vec<PathBuf>, options: Vec<String>) ->
     let found = cancellable(py, move |cancel| roscausal::read_recordings(&paths, &options, cancel))?;
     let out = PyDict::new(py);
     out.set_item("names", found.names)?;
-    out.set_item(
-        "arrays",
-        found.values.into_iter().map(|values| values.into_pyarray(py)).collect::<Vec<_>>(),
-    )?;
+    let arrays: Vec<_> = found.values.into_iter().map(|values| values.into_pyarray(py)).collect();
+    out.set_item("arrays", arrays)?;
     out.set_item("dt", found.dt)?;
     out.set_item("exogenous", found.exogenous)?;
     out.set_item("warnings", found.warnings)?;

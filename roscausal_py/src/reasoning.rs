@@ -168,31 +168,27 @@ fn columns(data: &DataFrame, variables: &[String], context: &[String]) -> Result
     let place = |name: &String| position(data.var_names(), name);
     let wanted: Vec<String> =
         variables.iter().chain(context.iter().filter(|name| place(name).is_some())).cloned().collect();
-    let places: Vec<usize> = wanted
-        .iter()
-        .map(|name| {
-            place(name).ok_or_else(|| {
-                let all = data.var_names().join(", ");
-                Error::Data(format!(
-                    "the data have no variable '{name}', which the model names; variables: {all}"
-                ))
-            })
+    let found = |name: &String| {
+        place(name).ok_or_else(|| {
+            let all = data.var_names().join(", ");
+            Error::Data(format!(
+                "the data have no variable '{name}', which the model names; variables: {all}"
+            ))
         })
-        .collect::<Result<_>>()?;
+    };
+    let places: Vec<usize> = wanted.iter().map(found).collect::<Result<_>>()?;
     let chosen = |rows: &Array2<f64>| rows.select(ndarray::Axis(1), &places);
     DataFrame::new(data.recordings().iter().map(chosen).collect(), wanted)
 }
 
 fn of_what_if(given: &mut Given) -> Result<WhatIf> {
     let bad = |name: &'static str| move |reason: String| Error::param(name, reason);
+    let action = |text: &String| parse_action(text).map_err(bad("actions"));
+    let limit = |text: &String| parse_limit(text).map_err(bad("limits"));
     let mut question = WhatIf::default();
     set(&mut question.counterfactual, given.flag("had")?);
     set(&mut question.horizon, given.count("horizon")?);
-    question.actions = given
-        .words("actions")?
-        .iter()
-        .map(|text| parse_action(text).map_err(bad("actions")))
-        .collect::<Result<_>>()?;
+    question.actions = given.words("actions")?.iter().map(action).collect::<Result<_>>()?;
     if question.actions.is_empty() {
         question.actions.push(Action::go_on());
     }
@@ -204,11 +200,7 @@ fn of_what_if(given: &mut Given) -> Result<WhatIf> {
         };
         question.cost = terms.into_iter().map(term).collect::<Result<_>>()?;
     }
-    question.limits = given
-        .words("limits")?
-        .iter()
-        .map(|text| parse_limit(text).map_err(bad("limits")))
-        .collect::<Result<_>>()?;
+    question.limits = given.words("limits")?.iter().map(limit).collect::<Result<_>>()?;
     set(&mut question.allow_extrapolation, given.flag("allow_extrapolation")?);
     set(&mut question.paths, given.count("paths")?);
     set(&mut question.seed, given.count("seed")?.map(|seed| seed as u64));

@@ -89,16 +89,12 @@ fn as_dict(py: Python<'_>, result: PcmciResult) -> PyResult<Bound<'_, PyDict>> {
     let parents: Vec<Vec<_>> =
         result.parents.iter().map(|of| of.parents.iter().map(node).collect()).collect();
     out.set_item("parents", parents)?;
-    let candidates: Vec<Vec<_>> = result
-        .parents
-        .iter()
-        .map(|of| of.candidates.iter().map(|c| (c.node.var, c.node.lag, c.val_min, c.pval_max)).collect())
-        .collect();
-    out.set_item("candidates", candidates)?;
-    out.set_item(
-        "optimal_pc_alpha",
-        result.parents.iter().map(|of| of.optimal_pc_alpha).collect::<Vec<_>>(),
-    )?;
+    let candidates = result.parents.iter().map(|of| {
+        of.candidates.iter().map(|c| (c.node.var, c.node.lag, c.val_min, c.pval_max)).collect::<Vec<_>>()
+    });
+    out.set_item("candidates", candidates.collect::<Vec<_>>())?;
+    let levels: Vec<_> = result.parents.iter().map(|of| of.optimal_pc_alpha).collect();
+    out.set_item("optimal_pc_alpha", levels)?;
     out.set_item("optimal_alpha", result.optimal_alpha)?;
     let sepsets: Vec<_> = result
         .sepsets

@@ -72,25 +72,20 @@ impl Given {
 
     /// Fails if a key was not taken.
     pub(crate) fn end(self) -> Result<()> {
-        match self.0.keys().next() {
-            None => Ok(()),
-            Some(name) => {
-                let known: Vec<&str> = SETTINGS.iter().map(|setting| setting.id).collect();
-                let hint =
-                    nearest(&known, name).map_or(String::new(), |near| format!("; did you mean '{near}'?"));
-                Err(Error::param(name, format!("there is no such setting{hint}")))
-            }
-        }
+        let Some(name) = self.0.keys().next() else { return Ok(()) };
+        let known: Vec<&str> = SETTINGS.iter().map(|setting| setting.id).collect();
+        let hint = nearest(&known, name).map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+        Err(Error::param(name, format!("there is no such setting{hint}")))
     }
 }
 
 /// Seconds per row, if they are given.
 pub(crate) fn of_step(given: &mut Given) -> Result<Option<f64>> {
     match given.number("dt")? {
-        Some(dt) if dt <= 0.0 => Err(Error::param(
-            "dt",
-            format!("{dt} is not a number of seconds above 0; leave it out if there is none"),
-        )),
+        Some(dt) if dt <= 0.0 => {
+            let reason = format!("{dt} is not a number of seconds above 0; leave it out if there is none");
+            Err(Error::param("dt", reason))
+        }
         dt => Ok(dt),
     }
 }

@@ -134,12 +134,8 @@ impl PreparedTest for Prepared<'_> {
         }
         let of = |node: &Node| format!("({}, -{})", node.var, node.lag);
         let name = || {
-            format!(
-                "X = {}, Y = {}, Z = [{}]",
-                of(&x),
-                of(&y),
-                z.iter().map(of).collect::<Vec<_>>().join(", ")
-            )
+            let given: Vec<String> = z.iter().map(of).collect();
+            format!("X = {}, Y = {}, Z = [{}]", of(&x), of(&y), given.join(", "))
         };
         match self.test.ask(self.samples, x, y, z) {
             Err(exception) => {

@@ -89,12 +89,7 @@ pub(crate) fn wait<T: Send + 'static>(
     let mut reported = Instant::now();
     loop {
         match py.detach(|| next(&told)) {
-            Ok(done) => {
-                return match failure {
-                    Some(error) => Err(error),
-                    None => report().map(|()| done),
-                };
-            }
+            Ok(done) => return failure.map_or_else(report, Err).map(|()| done),
             Err(RecvTimeoutError::Timeout) => {
                 let mut looked = py.check_signals();
                 if looked.is_ok() && failure.is_none() && reported.elapsed() >= REPORT_AGAIN {

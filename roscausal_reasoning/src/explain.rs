@@ -48,11 +48,9 @@ pub fn shapley(system: &System, rows: &[f64], from: usize, y: usize, seed: u64) 
     let mut surprises = vec![0.0; n];
     if players.len() <= MOST_EXACT {
         let m = players.len();
-        let values: Vec<f64> = (0..1_usize << m)
-            .map(|subset| {
-                outcome(&|var| players.iter().position(|&p| p == var).is_some_and(|k| subset >> k & 1 == 1))
-            })
-            .collect();
+        let place = |var: usize| players.iter().position(|&player| player == var);
+        let value = |subset: usize| outcome(&|var| place(var).is_some_and(|k| subset >> k & 1 == 1));
+        let values: Vec<f64> = (0..1_usize << m).map(value).collect();
         for (k, &player) in players.iter().enumerate() {
             for subset in (0..1_usize << m).filter(|subset| subset >> k & 1 == 0) {
                 let weight = 1.0 / (m as f64 * binomial(m - 1, subset.count_ones() as usize));

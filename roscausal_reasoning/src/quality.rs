@@ -19,13 +19,11 @@ use crate::{
 /// None for a graph that is one.
 pub fn all_lagged(graph: &Graph) -> Result<Graph> {
     let n = graph.len();
-    let arrows: Vec<Arrow> = (0..n)
-        .flat_map(|effect| (0..n).map(move |cause| (cause, effect)))
-        .flat_map(|(cause, effect)| {
-            (1..=graph.largest_lag().max(1)).map(move |lag| Arrow { cause, effect, lag })
-        })
-        .collect();
-    Graph::new(graph.names().to_vec(), graph.largest_lag().max(1), &arrows, &[])
+    let largest_lag = graph.largest_lag().max(1);
+    let pairs = (0..n).flat_map(|effect| (0..n).map(move |cause| (cause, effect)));
+    let at_all_lags = |(cause, effect)| (1..=largest_lag).map(move |lag| Arrow { cause, effect, lag });
+    let arrows: Vec<Arrow> = pairs.flat_map(at_all_lags).collect();
+    Graph::new(graph.names().to_vec(), largest_lag, &arrows, &[])
 }
 
 /// Mean squared errors `[horizon][variable]` of forecasts without noise from every origin `first..` of each recording whose outcome
@@ -107,14 +105,9 @@ impl Quality {
             of_model.iter().zip(&reference).map(row).collect()
         };
         let of_var = var.map(|var| squares(Some(&var.system))).unwrap_or_default();
+        let (skill_over_persistence, skill_over_var) = (skill(squares(None)), skill(of_var));
         let (widening, coverage, origins) = calibrate(&model, recordings, settings)?;
-        Some(Self {
-            skill_over_persistence: skill(squares(None)),
-            skill_over_var: skill(of_var),
-            widening,
-            coverage,
-            origins,
-        })
+        Some(Self { skill_over_persistence, skill_over_var, widening, coverage, origins })
     }
 
     /// The widening for a step (0: the first); beyond the last that was measured, that one's.
@@ -136,9 +129,9 @@ fn calibrate(model: &Directed, recordings: &[Array2<f64>], settings: &Settings) 
     let (n, memory) = (model.graph.len(), model.graph.memory().max(1));
     let of =
         |(k, r): (usize, &Array2<f64>)| (memory..=r.nrows()).map(move |end| (k, end)).collect::<Vec<_>>();
+    let past = |k: usize, end: usize| recordings[k].slice(ndarray::s![end - memory..end, ..]);
     let whole = |&(k, end): &(usize, usize)| {
-        let past = recordings[k].slice(ndarray::s![end - memory..end, ..]);
-        end < recordings[k].nrows() && past.iter().all(|v| v.is_finite())
+        end < recordings[k].nrows() && past(k, end).iter().all(|v| v.is_finite())
     };
     let origins: Vec<(usize, usize)> = recordings.iter().enumerate().flat_map(of).filter(whole).collect();
     let origins: Vec<(usize, usize)> =
@@ -147,8 +140,7 @@ fn calibrate(model: &Directed, recordings: &[Array2<f64>], settings: &Settings) 
         return None;
     }
     let score = |(number, &(k, end)): (usize, &(usize, usize))| {
-        let past: Vec<f64> =
-            recordings[k].slice(ndarray::s![end - memory..end, ..]).iter().copied().collect();
+        let past: Vec<f64> = past(k, end).iter().copied().collect();
         let steps = HORIZON.min(recordings[k].nrows() - end);
         let seed = random::at(settings.seed, number, 5);
         let paths = simulate(model, &past, &Schedule::free(n, steps), PATHS, seed, false, &|| false);
@@ -161,12 +153,8 @@ fn calibrate(model: &Directed, recordings: &[Array2<f64>], settings: &Settings) 
     };
     let scores: Vec<Vec<Vec<f64>>> = origins.par_iter().enumerate().map(score).collect();
     let of = |step: usize, var: usize| {
-        let mut all: Vec<f64> = scores
-            .iter()
-            .filter_map(|origin| origin.get(step))
-            .map(|row| row[var])
-            .filter(|r| r.is_finite())
-            .collect();
+        let rows = scores.iter().filter_map(|origin| origin.get(step));
+        let mut all: Vec<f64> = rows.map(|row| row[var]).filter(|r| r.is_finite()).collect();
         all.sort_unstable_by(f64::total_cmp);
         all
     };

@@ -36,13 +36,10 @@ impl Samples {
             })
         };
         let columns: Vec<usize> = graph.names().iter().map(column).collect::<Result<_>>()?;
-        let acting: Vec<(usize, usize)> = acts_on
-            .iter()
-            .filter_map(|(column, variable)| {
-                let column = names::position(data.var_names(), column)?;
-                Some((column, names::position(graph.names(), variable)?))
-            })
-            .collect();
+        let places = |(column, variable): &(String, String)| {
+            names::position(data.var_names(), column).zip(names::position(graph.names(), variable))
+        };
+        let acting: Vec<(usize, usize)> = acts_on.iter().filter_map(places).collect();
         let values = data.recordings().iter().map(|r| r.select(ndarray::Axis(1), &columns)).collect();
         let imposed_in = |recording: &Array2<f64>| {
             let mut imposed = Array2::from_elem((recording.nrows(), columns.len()), false);
@@ -104,13 +101,10 @@ impl Samples {
     /// Rows, coefficient and standard error of `y` on `x` in the rows in which an experiment imposed `x` and not `y`; `None` where they
     /// are too few or `x` does not vary.
     pub(crate) fn effect_where_imposed(&self, x: Node, y: Node) -> Option<(usize, f64, f64)> {
-        let all = self
-            .moments(x.lag.max(y.lag))
-            .into_iter()
-            .filter(|&m| self.is_effect(m) && self.was_imposed(m, x) && !self.was_imposed(m, y));
-        let pair = |m: Moment| (self.at(m, x), self.at(m, y));
-        let (xs, ys): (Vec<f64>, Vec<f64>) =
-            all.map(pair).filter(|(x, y)| x.is_finite() && y.is_finite()).unzip();
+        let counts = |&m: &Moment| self.is_effect(m) && self.was_imposed(m, x) && !self.was_imposed(m, y);
+        let pairs = self.moments(x.lag.max(y.lag)).into_iter().filter(counts);
+        let pairs = pairs.map(|m| (self.at(m, x), self.at(m, y)));
+        let (xs, ys): (Vec<f64>, Vec<f64>) = pairs.filter(|(x, y)| x.is_finite() && y.is_finite()).unzip();
         if xs.len() < 10 {
             return None;
         }

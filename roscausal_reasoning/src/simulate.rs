@@ -156,8 +156,8 @@ pub(crate) fn interval_of(values: &[f64], level: f64) -> [f64; 2] {
         return [mean, mean];
     }
     let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    let reach =
-        student_t_quantile(0.5 + 0.5 * level, values.len() - 1) * (variance * (1.0 + 1.0 / count)).sqrt();
+    let t = student_t_quantile(0.5 + 0.5 * level, values.len() - 1);
+    let reach = t * (variance * (1.0 + 1.0 / count)).sqrt();
     [mean - reach, mean + reach]
 }
 
@@ -165,18 +165,13 @@ pub(crate) fn interval_of(values: &[f64], level: f64) -> [f64; 2] {
 /// paths are those of equations that the true ones may be, each with the noise that it sees.
 /// `rows` begin with `memory` rows that stay.
 pub(crate) fn observed_again(model: &Directed, rows: &[f64], memory: usize, schedule: &Schedule) -> Ensemble {
-    let n = model.graph.len();
-    let again = |system: &crate::model::System| {
-        let noise = system.noise(rows, memory);
-        let mut path = rows[..memory * n].to_vec();
-        system.run(&mut path, schedule, |step, var| noise[step * n + var]);
-        path
-    };
-    let steps = schedule.steps();
+    let (n, steps) = (model.graph.len(), schedule.steps());
     let (mut values, mut outside) = (Vec::new(), Vec::new());
     let mut parents = Vec::new();
     for system in model.plausible() {
-        let path = again(system);
+        let noise = system.noise(rows, memory);
+        let mut path = rows[..memory * n].to_vec();
+        system.run(&mut path, schedule, |step, var| noise[step * n + var]);
         for step in 0..steps {
             let mut bits = 0;
             for var in (0..n).filter(|&var| !schedule.is_set(step, var)) {

@@ -142,15 +142,8 @@ fn difference(mut column: ArrayViewMut1<'_, f64>) {
 
 /// Takes out the line of least squares over the row numbers.
 fn detrend(mut column: ArrayViewMut1<'_, f64>) {
-    let known = |column: &ArrayViewMut1<'_, f64>| -> Vec<(f64, f64)> {
-        column
-            .iter()
-            .enumerate()
-            .filter(|(_, value)| !value.is_nan())
-            .map(|(row, value)| (row as f64, *value))
-            .collect()
-    };
-    let points = known(&column);
+    let known = column.iter().enumerate().filter(|(_, value)| !value.is_nan());
+    let points: Vec<(f64, f64)> = known.map(|(row, value)| (row as f64, *value)).collect();
     let n = points.len() as f64;
     let (x, y) = points.iter().fold((0.0, 0.0), |(x, y), point| (x + point.0 / n, y + point.1 / n));
     let (xx, xy) = points

@@ -27,37 +27,33 @@ pub(super) fn check(
     let effort = Effort::of(n, data.n_vars(), settings);
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = means.threads.filter(|&threads| threads > 0).unwrap_or(cores);
-    let seconds = effort.seconds * (1.0 + resampling.map_or(0.0, part_of_resamples)) / threads as f64;
+    let runs = 1.0 + resampling.map_or(0.0, part_of_resamples);
+    let seconds = effort.seconds * runs / threads as f64;
     let available = Memory::of(means.max_bytes()).bytes() as f64;
     let longest = if means.time_budget.is_some() { f64::INFINITY } else { LONGEST_S };
     if effort.bytes <= available && seconds <= longest {
         let reported = format!("this will take about {}, with {}", duration(seconds), size(effort.bytes));
         return Ok((seconds > WORTH_TELLING_S).then_some(reported));
     }
-    let once = 1.0 + resampling.map_or(0.0, part_of_resamples);
-    let most = Effort::most_samples(data.n_vars(), settings, available, longest * threads as f64 / once);
+    let most = Effort::most_samples(data.n_vars(), settings, available, longest * threads as f64 / runs);
     let what = if effort.bytes > available {
         format!("{} of memory, and {} are free", size(effort.bytes), size(available))
     } else {
         format!("about {}", duration(seconds))
     };
-    let fewer = match most {
+    let fewer = match round_down(most) {
         0 => "a lower --tau-max".to_owned(),
-        most => format!(
-            "fewer rows (at most {}: a window with --rows, a longer step with --dt)",
-            round_down(most)
-        ),
+        rows => format!("fewer rows (at most {rows}: a window with --rows, a longer step with --dt)"),
     };
     let linear = if most == 0 || matches!(settings.cond_ind_test.as_str(), "parcorr" | "robustparcorr") {
         "fewer columns (--columns)"
     } else {
         "--test parcorr or robustparcorr, which take any number of rows"
     };
+    let (method, test) = (settings.method.name().to_uppercase(), &settings.cond_ind_test);
     Err(Error::Data(format!(
-        "{} with {} on {n} rows of {} variables would take {what}; what would fit: {linear}, or {fewer}",
-        settings.method.name().to_uppercase(),
-        settings.cond_ind_test,
-        data.n_vars(),
+        "{method} with {test} on {n} rows of {} variables would take {what}; what would fit: {linear}, or {fewer}",
+        data.n_vars()
     )))
 }
 

@@ -3,7 +3,7 @@
 use std::{collections::HashSet, ops::RangeInclusive, path::PathBuf, str::FromStr};
 
 use clap::Args as ClapArgs;
-use ndarray::{Array2, ArrayView1, Axis, s};
+use ndarray::{Array2, ArrayView1, s};
 use roscausal_core::{
     Error, Result,
     batch::{
@@ -121,12 +121,12 @@ impl ReadArgs {
             return Err(Error::param("max-gap", "give a number of seconds above 0"));
         }
         // Of a recording, the node has made the variables.
-        let recorded = |file: &Input| file.table != file.user;
-        let derived = match files.iter().any(|file| !recorded(file)) {
+        let is_table = |file: &Input| !file.is_recorded();
+        let derived = match files.iter().any(is_table) {
             true => self.features.iter().map(|text| Derived::parse(text)).collect::<Result<Vec<_>>>()?,
             false => Vec::new(),
         };
-        if !derived.is_empty() && files.iter().any(recorded) {
+        if !derived.is_empty() && files.iter().any(Input::is_recorded) {
             let reason = "it means one thing for tables and another for recordings; analyse them apart";
             return Err(Error::param("feature", reason));
         }
@@ -143,11 +143,11 @@ impl ReadArgs {
             recording: self.recording.clone(),
             max_memory,
         };
-        if let (Some(flag), true) = (self.of_lines(), files.iter().all(recorded)) {
+        if let (Some(flag), true) = (self.of_lines(), files.iter().all(Input::is_recorded)) {
             return Err(Error::param(flag, "it is for tables"));
         }
         if self.join {
-            if files.iter().any(recorded) {
+            if files.iter().any(Input::is_recorded) {
                 let reason = "it is for tables; a recording has all its topics side by side";
                 return Err(Error::param("join", reason));
             }
@@ -157,7 +157,7 @@ impl ReadArgs {
         for file in files {
             let steps = Steps {
                 // The batches of a recording have the step already.
-                dt: dt.filter(|_| !recorded(file)),
+                dt: dt.filter(|_| is_table(file)),
                 how: self.resample.unwrap_or_default(),
                 max_gap: self.max_gap,
                 max_memory,
@@ -195,8 +195,7 @@ impl ReadArgs {
                 if let Some(chosen) = &chosen {
                     table.keep(chosen)?;
                 }
-                let left_out = |name: &String| !table.names.contains(name);
-                table.notes.retain(|note| note.column().is_none_or(|column| !left_out(column)));
+                only_of_columns(table);
             }
         }
         Ok(tables)
@@ -227,8 +226,7 @@ impl ReadArgs {
         if let Some(chosen) = self.with_derived(derived, besides) {
             table.keep(&chosen)?;
         }
-        let names = table.names.clone();
-        table.notes.retain(|note| note.column().is_none_or(|column| names.contains(column)));
+        only_of_columns(&mut table);
         let whole = PathBuf::from("the files");
         let even =
             table.at_even_steps(&Steps { dt: None, ..how }).map_err(|reason| Error::file(&whole, reason))?;
@@ -266,13 +264,15 @@ impl ReadArgs {
     }
 
     pub(super) fn missing(&self) -> Result<Vec<f64>> {
-        let number = |text: &String| {
-            text.parse().map_err(|_| {
-                Error::param("missing-value", format!("'{text}' is neither a number nor 'none'"))
-            })
-        };
+        let reason = |text: &String| format!("'{text}' is neither a number nor 'none'");
+        let number = |text: &String| text.parse().map_err(|_| Error::param("missing-value", reason(text)));
         self.missing_value.iter().filter(|text| *text != "none").map(number).collect()
     }
+}
+
+/// Keeps the notes about columns that are still there, and those about the whole table.
+fn only_of_columns(Table { names, notes, .. }: &mut Table) {
+    notes.retain(|note| note.column().is_none_or(|column| names.contains(column)));
 }
 
 /// Brings the columns of a table into the order of the first one's.
@@ -384,23 +384,15 @@ impl PartArgs {
             data.leave_out(&gone, "constant")?;
         }
         let empty: Vec<usize> = (0..data.data.n_vars()).filter(|&var| is_empty(&data.data, var)).collect();
-        if empty.is_empty() {
-            return Ok(data);
-        }
         let names: Vec<String> = empty.iter().map(|&var| plain(&data.data.var_names()[var])).collect();
         // Which columns there are was not the user's choice, unless they are named.
         let is_unnamed = |name: &String| is_of_goal(name) && !named.contains(name);
-        if data.recorded && !self.drop_empty && names.iter().all(is_unnamed) {
-            data.leave_out(
-                &empty,
-                "since the recording has no goal of the person (--human-goal names its topic)",
-            )?;
-            return Ok(data);
-        }
-        if !self.drop_empty {
-            return Err(Error::Data(sentence(&names, data.recorded)));
-        }
-        data.leave_out(&empty, "without any number")?;
+        let why = match data.recorded && names.iter().all(is_unnamed) {
+            _ if empty.is_empty() || self.drop_empty => "without any number",
+            true => "since the recording has no goal of the person (--human-goal names its topic)",
+            false => return Err(Error::Data(sentence(&names, data.recorded))),
+        };
+        data.leave_out(&empty, why)?;
         Ok(data)
     }
 
@@ -418,11 +410,8 @@ impl PartArgs {
         }
         let names = data.data.var_names().to_vec();
         let by = self.mask.as_deref().map(|name| column("mask", name, &names)).transpose()?;
-        let condition = self
-            .condition
-            .as_ref()
-            .map(|condition| condition.on(|name| column("where", name, &names)))
-            .transpose()?;
+        let on_rows = |condition: &Condition| condition.on(|name| column("where", name, &names));
+        let condition = self.condition.as_ref().map(on_rows).transpose()?;
         let is_masked = |row: ArrayView1<'_, f64>| {
             by.is_some_and(|by| row[by] != 0.0) || condition.as_ref().is_some_and(|condition| !condition(row))
         };
@@ -488,16 +477,17 @@ impl Data {
 
 /// Whether a variable has one number only; one without any is empty.
 fn is_constant(data: &DataFrame, var: usize) -> bool {
-    let mut values = data.recordings().iter().flat_map(|recording| recording.column(var));
-    let mut present = values.by_ref().filter(|value| !value.is_nan());
+    let mut present = values_of(data, var).filter(|value| !value.is_nan());
     let first = present.next();
     first.is_some() && present.all(|value| Some(value) == first)
 }
 
 fn is_empty(data: &DataFrame, var: usize) -> bool {
-    data.recordings()
-        .iter()
-        .all(|recording| recording.index_axis(Axis(1), var).iter().all(|value| value.is_nan()))
+    values_of(data, var).all(|value| value.is_nan())
+}
+
+fn values_of(data: &DataFrame, var: usize) -> impl Iterator<Item = &f64> {
+    data.recordings().iter().flat_map(move |recording| recording.column(var))
 }
 
 /// Whether a column of a recording is a goal's place or the distance to it, by its name: `h_dg`, `h_7_gx`.

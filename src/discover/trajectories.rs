@@ -70,10 +70,9 @@ impl TrajectoryArgs {
             return Err(Error::param("several-people", reason));
         }
         if let Some(flag) = args.how.read.of_lines() {
-            return Err(Error::param(
-                flag,
-                format!("of trajectories, {} says which column is what", Named("trajectory_columns")),
-            ));
+            let columns = Named("trajectory_columns");
+            let reason = format!("of trajectories, {columns} says which column is what");
+            return Err(Error::param(flag, reason));
         }
         let postprocess = nodes::postprocess(&self.parameters(args)?)?;
         let reading = TrajectoryReading {
@@ -100,10 +99,8 @@ impl TrajectoryArgs {
                 if let Some(columns) = &args.how.read.columns {
                     table.keep(columns)?;
                 }
-                let user = file.with_file_name(format!(
-                    "{} ({agent})",
-                    file.file_name().unwrap_or_default().to_string_lossy()
-                ));
+                let name = file.file_name().unwrap_or_default().to_string_lossy();
+                let user = file.with_file_name(format!("{name} ({agent})"));
                 tables.push((Input { table: file.clone(), user, run: [number, place] }, table));
             }
         }

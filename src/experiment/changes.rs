@@ -257,11 +257,10 @@ impl Args {
             let action = one.action.map_or(String::new(), |action| format!("{action:.2}"));
             for (event, at) in &one.events {
                 let ChangeEvent { cause, effect, lag, before, after, p_value, .. } = event;
+                let (seed, kind) = (one.seed, event.kind.name());
                 let _ = writeln!(
                     csv,
-                    "{},{action},{at:.1},{},{cause},{effect},{lag},{before},{after},{p_value}",
-                    one.seed,
-                    event.kind.name()
+                    "{seed},{action},{at:.1},{kind},{cause},{effect},{lag},{before},{after},{p_value}"
                 );
             }
         }

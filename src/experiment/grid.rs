@@ -51,10 +51,8 @@ impl Grid {
         }
         let reads = |method: &Method| method.reads(Reads::PcAlpha);
         if analysis.pc_alpha != PcAlpha::Default && !self.methods.iter().any(reads) {
-            let reason = format!(
-                "none of these methods chooses conditions; it applies to {}",
-                Method::names_that_read(Reads::PcAlpha)
-            );
+            let others = Method::names_that_read(Reads::PcAlpha);
+            let reason = format!("none of these methods chooses conditions; it applies to {others}");
             return Err(Error::param("pc_alpha", reason));
         }
         Ok(self.settings(true).iter().try_for_each(|setting| setting.analysis(analysis).check())?)
@@ -96,12 +94,9 @@ impl Grid {
 
 /// Refuses a number of seconds that is not from `low` to `high`.
 pub(super) fn within(name: &str, values: &[f64], (low, high): (f64, f64)) -> Result<()> {
-    match values.iter().find(|value| !(low..=high).contains(*value)) {
-        Some(value) => {
-            Err(Error::param(name, format!("{value} is not a number of seconds from {low} to {high}")))
-        }
-        None => Ok(()),
-    }
+    let outside = values.iter().find(|value| !(low..=high).contains(*value));
+    let reason = |value: &f64| format!("{value} is not a number of seconds from {low} to {high}");
+    outside.map_or(Ok(()), |value| Err(Error::param(name, reason(value))))
 }
 
 impl Setting {

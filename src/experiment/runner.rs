@@ -109,7 +109,7 @@ pub(super) fn end(
 ) -> Result<()> {
     results.write(|dir| {
         model.map(|model| output::write_model(dir, model)).transpose()?;
-        files.iter().try_for_each(|(name, text)| output::write_file(dir, name, text.as_bytes()).map(drop))
+        files.iter().try_for_each(|(name, text)| output::write_file(dir, name, text.as_bytes()))
     })?;
     print_text(text);
     let names: Vec<&str> =

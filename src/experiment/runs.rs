@@ -2,6 +2,7 @@
 //! merged.
 
 use std::{
+    collections::BTreeSet,
     fs,
     path::{Path, PathBuf},
     time::Instant,
@@ -119,17 +120,14 @@ impl Common {
             None => analyse(&data, &settings, &control)?,
         };
         let run_time_s = start.elapsed().as_secs_f64();
-        let mut found: Vec<(String, String)> =
-            model.links.iter().map(|link| (link.cause.clone(), link.effect.clone())).collect();
-        found.retain(|(cause, effect)| cause != effect);
-        found.sort();
-        found.dedup();
+        let others = model.links.iter().filter(|link| link.cause != link.effect);
+        let found: BTreeSet<_> = others.map(|link| (link.cause.clone(), link.effect.clone())).collect();
         let run = Run {
             setting: setting.clone(),
             seed,
             rest: self.rest(setting, scenario),
             n_samples: model.n_samples,
-            found,
+            found: found.into_iter().collect(),
             expected: expected::links_of(scenario),
             shares: shares(&model),
             run_time_s,
@@ -179,7 +177,7 @@ impl Run {
         let name = file_name(&self.setting, self.seed, &self.rest);
         let mut text = serde_json::to_string_pretty(self).map_err(|e| Error::Data(e.to_string()))?;
         text.push('\n');
-        output::write_file(&out.join(FOLDER), &name, text.as_bytes()).map(drop)
+        output::write_file(&out.join(FOLDER), &name, text.as_bytes())
     }
 
     /// Reads the file of a run; `None` if it does not exist.

@@ -6,7 +6,7 @@ use roscausal_discovery::{Link, LinkEvidence, Model, draw, draw::escaped, names:
 
 use super::{
     Material,
-    parts::{anchor, section},
+    parts::{anchor, section, table},
 };
 use crate::report;
 
@@ -17,17 +17,12 @@ const NAMED: usize = 12;
 pub(super) fn cards(material: &Material) -> String {
     let model = &material.model;
     let Some(evidence) = &material.evidence else {
-        let why = match model.links.is_empty() {
-            true => String::new(),
-            false => "<p>No evidence was kept beside this model.</p>\n".to_owned(),
-        };
+        if model.links.is_empty() {
+            return String::new();
+        }
         let anchors = (0..model.links.len()).map(|place| format!("<span id=\"{}\"></span>", anchor(place)));
-        let anchors = anchors.collect::<String>();
-        return section(
-            "evidence",
-            "Evidence",
-            &if why.is_empty() { why } else { format!("{why}{anchors}\n") },
-        );
+        let (why, anchors) = ("<p>No evidence was kept beside this model.</p>", anchors.collect::<String>());
+        return section("evidence", "Evidence", &format!("{why}\n{anchors}\n"));
     };
     let card =
         |(place, link): (usize, &Link)| evidence.of(link).map(|seen| card(material, place, link, seen));
@@ -95,19 +90,13 @@ fn conditions(seen: &LinkEvidence) -> String {
 }
 
 fn has(model: &Model, link: &Link) -> bool {
-    model
-        .links
-        .iter()
-        .any(|other| other.cause == link.cause && other.effect == link.effect && other.lag == link.lag)
+    let is_it = |o: &Link| o.cause == link.cause && o.effect == link.effect && o.lag == link.lag;
+    model.links.iter().any(is_it)
 }
 
 fn found_in(material: &Material, link: &Link) -> String {
-    let found: Vec<&str> = material
-        .batches
-        .iter()
-        .filter(|(_, model)| has(model, link))
-        .map(|(name, _)| name.as_str())
-        .collect();
+    let having = material.batches.iter().filter(|(_, model)| has(model, link));
+    let found: Vec<&str> = having.map(|(name, _)| name.as_str()).collect();
     let named = found.iter().take(NAMED).copied().collect::<Vec<_>>().join(", ");
     let more = if found.len() > NAMED { ", ..." } else { "" };
     match found.len() {
@@ -118,23 +107,15 @@ fn found_in(material: &Material, link: &Link) -> String {
 
 /// The models of single batches: how many links each has.
 pub(super) fn batches(material: &Material) -> String {
-    let mut content = String::new();
     if material.batches.is_empty() {
-        return content;
+        return String::new();
     }
-    content += "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"Table of the batches\">\n<table>\n<thead><tr>\
-                <th scope=\"col\">batch</th><th scope=\"col\">samples</th><th scope=\"col\">links</th>\
-                <th scope=\"col\">of these in this report</th></tr></thead>\n<tbody>\n";
-    for (name, model) in &material.batches {
+    let row = |(name, model): &(String, Model)| {
         let shared = model.links.iter().filter(|link| has(&material.model, link)).count();
-        let _ = writeln!(
-            content,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{shared}</td></tr>",
-            escaped(name),
-            model.n_samples,
-            model.links.len()
-        );
-    }
-    content += "</tbody>\n</table>\n</div>\n";
-    section("batches", "Batches", &content)
+        let (name, samples, links) = (escaped(name), model.n_samples, model.links.len());
+        format!("<tr><td>{name}</td><td>{samples}</td><td>{links}</td><td>{shared}</td></tr>\n")
+    };
+    let rows: String = material.batches.iter().map(row).collect();
+    let columns = ["batch", "samples", "links", "of these in this report"];
+    section("batches", "Batches", &table("Table of the batches", &columns, &rows))
 }

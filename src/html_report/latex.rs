@@ -35,12 +35,8 @@ pub(super) fn tikz(model: &Model) -> String {
         + "\\begin{tikzpicture}[variable/.style={circle, draw, minimum size=1.1cm, font=\\small}, every edge/.style={draw, \
          ->, >=stealth}]\n";
     for (i, name) in model.features.iter().enumerate() {
-        let angle = 90.0 - 360.0 * i as f64 / n as f64;
-        let _ = writeln!(
-            out,
-            "  \\node[variable] (v{i}) at ({angle:.1}:{radius:.2}cm) {{{}}};",
-            text(&plain(name))
-        );
+        let (angle, name) = (90.0 - 360.0 * i as f64 / n as f64, text(&plain(name)));
+        let _ = writeln!(out, "  \\node[variable] (v{i}) at ({angle:.1}:{radius:.2}cm) {{{name}}};");
     }
     let place = |name: &str| model.features.iter().position(|feature| feature == name);
     for link in &model.links {
@@ -54,11 +50,8 @@ pub(super) fn tikz(model: &Model) -> String {
         }
         let way =
             if i == j { "loop above".to_owned() } else { format!("bend left={}", 14 + 6 * link.lag.min(5)) };
-        let _ = writeln!(
-            out,
-            "  \\path (v{i}) edge[{way}, {style}] node[fill=white, inner sep=1pt, font=\\tiny] {{{}}} (v{j});",
-            link.lag
-        );
+        let label = format!("node[fill=white, inner sep=1pt, font=\\tiny] {{{}}}", link.lag);
+        let _ = writeln!(out, "  \\path (v{i}) edge[{way}, {style}] {label} (v{j});");
     }
     out + "\\end{tikzpicture}\n"
 }

@@ -86,7 +86,7 @@ fn written(
     }
     let material = material()?;
     let write = |path: Option<&Path>, text: &dyn Fn() -> String| {
-        path.map_or(Ok(()), |path| output::write_at(path, text().as_bytes()).map(drop))
+        path.map_or(Ok(()), |path| output::write_at(path, text().as_bytes()))
     };
     write(html, &|| page::html(&material))?;
     write(latex.as_deref(), &|| latex::table(&material.model))?;
@@ -104,5 +104,5 @@ fn written(
 
 /// Writes the report of a run into its folder.
 pub(crate) fn write_into(dir: &Path, material: &Material) -> Result<()> {
-    output::write_file(dir, REPORT, page::html(material).as_bytes()).map(drop)
+    output::write_file(dir, REPORT, page::html(material).as_bytes())
 }

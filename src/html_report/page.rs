@@ -7,7 +7,7 @@ use roscausal_discovery::{Model, draw, draw::escaped, names::plain, settings::se
 
 use super::{
     Material, evidence,
-    parts::{anchor, section},
+    parts::{anchor, section, table},
 };
 use crate::{flags, report};
 
@@ -121,14 +121,10 @@ fn links(model: &Model) -> String {
     if model.links.is_empty() {
         return String::new();
     }
-    let mut content = String::from(
-        "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"Table of links\">\n<table>\n<thead><tr>\
-         <th scope=\"col\">cause</th><th scope=\"col\">effect</th><th scope=\"col\">lag</th><th scope=\"col\">strength</th>\
-         <th scope=\"col\">p</th><th scope=\"col\">in words</th></tr></thead>\n<tbody>\n",
-    );
+    let mut rows = String::new();
     for (place, link) in model.links.iter().enumerate() {
         let _ = writeln!(
-            content,
+            rows,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td><a href=\"#{}\">{}</a></td></tr>",
             escaped(&plain(&link.cause)),
             escaped(&plain(&link.effect)),
@@ -139,23 +135,15 @@ fn links(model: &Model) -> String {
             escaped(&report::sentence(model, link))
         );
     }
-    content += "</tbody>\n</table>\n</div>\n";
-    section("links", "Links", &content)
+    let columns = ["cause", "effect", "lag", "strength", "p", "in words"];
+    section("links", "Links", &table("Table of links", &columns, &rows))
 }
 
 fn data(material: &Material) -> String {
     let Some(evidence) = &material.evidence else { return String::new() };
     let number = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
-    let mut content = String::new();
-    let rows: Vec<String> = evidence.rows.iter().map(ToString::to_string).collect();
-    let _ = writeln!(content, "<p>Rows of each recording: {}.</p>", rows.join(", "));
-    content += "<div class=\"figure\" tabindex=\"0\" role=\"region\" aria-label=\"Table of the variables\">\n<table>\n<thead><tr>";
-    for name in
-        ["variable", "values", "missing", "smallest", "largest", "mean", "sd", "autocorrelation", "remark"]
-    {
-        let _ = write!(content, "<th scope=\"col\">{name}</th>");
-    }
-    content += "</tr></thead>\n<tbody>\n";
+    let lengths: Vec<String> = evidence.rows.iter().map(ToString::to_string).collect();
+    let mut rows = String::new();
     for facts in &evidence.variables {
         let remark = match facts {
             facts if facts.present == 0 => "empty",
@@ -167,7 +155,7 @@ fn data(material: &Material) -> String {
             _ => "",
         };
         let _ = writeln!(
-            content,
+            rows,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{remark}</td></tr>",
             escaped(&plain(&facts.name)),
             facts.present,
@@ -179,8 +167,10 @@ fn data(material: &Material) -> String {
             number(facts.autocorrelation)
         );
     }
-    content += "</tbody>\n</table>\n</div>\n";
-    section("data", "Data check", &content)
+    let columns =
+        ["variable", "values", "missing", "smallest", "largest", "mean", "sd", "autocorrelation", "remark"];
+    let table = table("Table of the variables", &columns, &rows);
+    section("data", "Data check", &format!("<p>Rows of each recording: {}.</p>\n{table}", lengths.join(", ")))
 }
 
 fn settings(model: &Model) -> String {

@@ -53,7 +53,7 @@ pub(crate) fn closing(
             seed: source.seed,
             ..WhatIf::default()
         };
-        let situation = ready.situation(None)?;
+        let (situation, recording) = ready.situation(None)?;
         let outlook = answer::what_if(&ready.model, &situation, &question);
         let why = ExplainQuestion {
             variable: effect.to_owned(),
@@ -61,9 +61,9 @@ pub(crate) fn closing(
             to_row: None,
             horizon: HORIZON,
             seed: source.seed,
-            start: ready.start(situation.recording),
+            start: ready.start(recording),
         };
-        let why = answer::explain(&ready.model, &situation.rows, &why);
+        let why = answer::explain(&ready.model, &situation, &why);
         let mut lines =
             vec![format!("What if {cause} were {value} from now on, as low as in a tenth of the samples?")];
         lines.extend(outlook.outlooks.iter().map(|one| format!("  {}", one.text)));

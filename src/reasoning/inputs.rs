@@ -71,20 +71,6 @@ pub(super) struct Ready {
     times: Vec<Option<Vec<f64>>>,
 }
 
-/// A moment in the rows.
-pub(super) struct Moment<'a> {
-    pub(super) rows: Situation<'a>,
-    pub(super) recording: usize,
-}
-
-impl<'a> std::ops::Deref for Moment<'a> {
-    type Target = Situation<'a>;
-
-    fn deref(&self) -> &Situation<'a> {
-        &self.rows
-    }
-}
-
 impl SourceArgs {
     /// Reads and fits, then answers, in as many threads as asked for.
     pub(super) fn with<T: Send>(&self, answer: impl FnOnce(&Ready) -> Result<T> + Send) -> Result<T> {
@@ -210,17 +196,17 @@ fn batch_units(path: &Path) -> Vec<(String, String)> {
 }
 
 impl Ready {
-    /// The moment of a time: in the last recording that has it; without a time the end of the last.
-    pub(super) fn situation(&self, at: Option<f64>) -> Result<Moment<'_>> {
+    /// The moment of a time, and its recording: the last one that has it; without a time the end of the last.
+    pub(super) fn situation(&self, at: Option<f64>) -> Result<(Situation<'_>, usize)> {
         let recordings = self.model.samples().recordings();
         let last = recordings.len() - 1;
         let Some(time) = at else {
-            return Ok(Moment { rows: Situation::newest(recordings[last].view()), recording: last });
+            return Ok((Situation::newest(recordings[last].view()), last));
         };
         let has = |k: &usize| self.row(*k, time).is_some();
         let recording = (0..recordings.len()).rev().find(has).unwrap_or(last);
         let now = self.row_in(recording, time)?;
-        Ok(Moment { rows: Situation { rows: recordings[recording].view(), now }, recording })
+        Ok((Situation { rows: recordings[recording].view(), now }, recording))
     }
 
     /// The last row of a recording that is not after a time.

@@ -5,6 +5,8 @@ mod inputs;
 mod picture;
 mod text;
 
+use std::path::PathBuf;
+
 use clap::Args as ClapArgs;
 use roscausal_core::{Error, Result};
 use roscausal_reasoning::{
@@ -13,9 +15,9 @@ use roscausal_reasoning::{
 };
 use serde::Serialize;
 
+use crate::results::Results;
 pub(crate) use closing::closing;
 use inputs::{Format, Ready, SourceArgs};
-use picture::PictureArgs;
 pub use text::{effect as effect_text, explain as explain_text, what_if as what_if_text};
 
 /// How far, and what to show.
@@ -34,8 +36,9 @@ struct AheadArgs {
     /// Simulated paths.
     #[arg(long, default_value_t = 400)]
     paths: usize,
-    #[command(flatten)]
-    picture: PictureArgs,
+    /// Folder for fan charts (SVG, PNG and PDF) and the answer as JSON, named as the command.
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
 }
 
 /// Arguments of `roscausal whatif`.
@@ -138,7 +141,8 @@ fn cost(text: &str) -> Result<CostTerm> {
 /// Answers, prints and draws into files of this name.
 fn outlook(name: &str, source: &SourceArgs, ahead: &AheadArgs, question: WhatIf) -> Result<Status> {
     let reads = [std::slice::from_ref(&source.model), &source.data].concat();
-    let results = ahead.picture.results(source.force, &reads)?;
+    // Taken before any work.
+    let results = Results::wanted(ahead.out.as_deref(), source.force, &reads)?;
     let question = WhatIf {
         horizon: ahead.horizon,
         variables: ahead.variables.clone(),
@@ -147,7 +151,7 @@ fn outlook(name: &str, source: &SourceArgs, ahead: &AheadArgs, question: WhatIf)
         ..question
     };
     source.with(|ready: &Ready| {
-        let situation = ready.situation(ahead.at)?;
+        let (situation, _) = ready.situation(ahead.at)?;
         let answer = answer::what_if(&ready.model, &situation, &question);
         if let Some(results) = results {
             picture::write(results, name, &ready.model, &situation, (&question, &answer))?;
@@ -173,17 +177,17 @@ pub(crate) fn effect(args: &EffectArgs) -> Result<Status> {
 /// Runs `roscausal explain`.
 pub(crate) fn explain(args: &ExplainArgs) -> Result<Status> {
     args.source.with(|ready: &Ready| {
-        let situation = ready.situation(args.to)?;
-        let row = |time: Option<f64>| time.map(|time| ready.row_in(situation.recording, time)).transpose();
+        let (situation, recording) = ready.situation(args.to)?;
+        let row = |time: Option<f64>| time.map(|time| ready.row_in(recording, time)).transpose();
         let question = ExplainQuestion {
             variable: args.variable.clone(),
             from_row: row(args.from)?,
             to_row: row(args.to)?,
             horizon: args.horizon,
             seed: args.source.seed,
-            start: ready.start(situation.recording),
+            start: ready.start(recording),
         };
-        let answer = answer::explain(&ready.model, &situation.rows, &question);
+        let answer = answer::explain(&ready.model, &situation, &question);
         show(&args.source, &answer, (answer.status, &answer.message), || text::explain(&answer))
     })
 }

@@ -1,12 +1,9 @@
 //! `--out`: an answer as fan charts and as JSON.
 
-use std::path::PathBuf;
-
-use clap::Args as ClapArgs;
 use ndarray::{Array2, ArrayView2, Axis, s};
 use roscausal_core::{Error, Result};
 use roscausal_discovery::{
-    draw::{Candidate, Fan, FanChart, fans},
+    draw::{self, Candidate, Fan, FanChart, fans},
     names,
 };
 use roscausal_reasoning::{
@@ -22,21 +19,6 @@ const PAST: usize = 10;
 /// The part of the outcomes that lies in the inner band.
 const INNER: f64 = 0.5;
 
-/// Where the picture goes.
-#[derive(ClapArgs)]
-pub(super) struct PictureArgs {
-    /// Folder for fan charts (SVG, PNG and PDF) and the answer as JSON, named as the command.
-    #[arg(short, long, value_name = "DIR")]
-    out: Option<PathBuf>,
-}
-
-impl PictureArgs {
-    /// Takes the folder, before any work. `reads`: what the answer is made from.
-    pub(super) fn results(&self, force: bool, reads: &[PathBuf]) -> Result<Option<Results>> {
-        Results::wanted(self.out.as_deref(), force, reads)
-    }
-}
-
 /// Writes the answer as `name.svg`, `name.png`, `name.pdf` and `name.json`; without an outlook nothing.
 pub(super) fn write(
     results: Results,
@@ -51,9 +33,9 @@ pub(super) fn write(
     let json = serde_json::to_string_pretty(answer).map_err(|e| Error::Data(e.to_string()))?;
     let svg = picture(model, situation, question, answer);
     results.write(|dir| {
-        output::write_file(dir, &format!("{name}.pdf"), &roscausal_discovery::draw::pdf(&svg)?)?;
+        output::write_file(dir, &format!("{name}.pdf"), &draw::pdf(&svg)?)?;
         output::write_picture(dir, name, &svg)?;
-        output::write_file(dir, &format!("{name}.json"), json.as_bytes()).map(drop)
+        output::write_file(dir, &format!("{name}.json"), json.as_bytes())
     })
 }
 

@@ -1,7 +1,9 @@
 //! Answers for people: sentences, then a table, then what they rest on.
 
 use roscausal_core::visible;
-use roscausal_reasoning::answer::{EffectAnswer, ExplainAnswer, Outlook, WhatIfAnswer};
+use roscausal_reasoning::answer::{
+    Contribution, EffectAnswer, ExplainAnswer, Forecast, Outlook, WhatIfAnswer,
+};
 
 /// The outlooks of all actions.
 pub fn what_if(answer: &WhatIfAnswer) -> String {
@@ -23,13 +25,10 @@ fn table(outlook: &Outlook) -> Vec<String> {
     let header: String = outlook.forecasts.iter().map(|forecast| cell(forecast.variable.clone())).collect();
     let mut lines = vec![format!("step{header}")];
     for k in 0..outlook.forecasts.first().map_or(0, |forecast| forecast.mean.len()) {
-        let value = |forecast: &roscausal_reasoning::answer::Forecast| {
+        let value = |forecast: &Forecast| {
             let (mean, lower, upper) = (forecast.mean[k], forecast.lower[k], forecast.upper[k]);
-            cell(if lower == upper {
-                format!("{mean:.3}")
-            } else {
-                format!("{mean:.3} ({lower:.3} to {upper:.3})")
-            })
+            let range = if lower == upper { String::new() } else { format!(" ({lower:.3} to {upper:.3})") };
+            cell(format!("{mean:.3}{range}"))
         };
         lines.push(format!("{:4}{}", k + 1, outlook.forecasts.iter().map(value).collect::<String>()));
     }
@@ -57,11 +56,11 @@ pub fn explain(answer: &ExplainAnswer) -> String {
         lines.push(String::new());
         lines.push(format!("{:>12} {:>10}", "part", "value"));
         lines.push(format!("{:>12} {:10.4}", "expected", answer.expected));
-    }
-    for one in &answer.contributions {
-        lines.push(format!("{:>12} {:10.4} ({:.4} to {:.4})", one.variable, one.value, one.lower, one.upper));
-    }
-    if !answer.contributions.is_empty() {
+        lines.extend(answer.contributions.iter().map(
+            |Contribution { variable, value, lower, upper, .. }| {
+                format!("{variable:>12} {value:10.4} ({lower:.4} to {upper:.4})")
+            },
+        ));
         lines.push(format!("{:>12} {:10.4}", "the change", answer.change));
     }
     finished(lines, &answer.caveats)

@@ -37,21 +37,26 @@ impl<'a> Chooser<'a> {
     /// # Errors
     /// It has none.
     pub(super) fn of(recording: &'a Recording, path: &'a Path) -> Result<Self> {
-        match recording.topics().is_empty() {
-            true => {
-                Err(Error::file(path, format!("it holds no messages; was it broken off?{}", losses(path))))
-            }
-            false => Ok(Self { recording, path, robot: Space::Any }),
+        if recording.topics().is_empty() {
+            let losses = losses(path);
+            return Err(Error::file(path, format!("it holds no messages; was it broken off?{losses}")));
         }
+        Ok(Self { recording, path, robot: Space::Any })
     }
 }
 
 impl Chooser<'_> {
     /// The readable topics of a role's types; of a role of the robot, those of its namespace.
     pub(super) fn candidates(&self, role: &Role) -> Vec<&Topic> {
-        let fits = |topic: &&Topic| role.kind(&topic.type_name).is_some() && topic.known_type().is_some();
-        let all = self.recording.topics().iter().filter(fits);
-        if role.node == "robot" { self.robot.narrowed(all.collect()) } else { all.collect() }
+        let all = self.of_role(role).collect();
+        if role.node == "robot" { self.robot.narrowed(all) } else { all }
+    }
+
+    /// The readable topics of a role's types.
+    fn of_role(&self, role: &Role) -> impl Iterator<Item = &Topic> {
+        let fits =
+            move |topic: &&Topic| role.kind(&topic.type_name).is_some() && topic.known_type().is_some();
+        self.recording.topics().iter().filter(fits)
     }
 
     /// The first usual name that one of these topics has, within the robot's namespace if it is a role of the robot.
@@ -101,10 +106,8 @@ impl Chooser<'_> {
 
     /// The error where several robots are TF frames.
     pub(super) fn several_frames(&self, robots: &[String]) -> Error {
-        let (robots, flag) = (robots.join(", "), Named("robot"));
-        let what = format!(
-            "TF has the robots {robots}, and no topic tells which one is meant; {flag} NAME chooses one"
-        );
+        let (robots, way) = (robots.join(", "), format!("{} NAME chooses one", Named("robot")));
+        let what = format!("TF has the robots {robots}, and no topic tells which one is meant; {way}");
         Error::file(self.path, what)
     }
 
@@ -137,17 +140,12 @@ impl Chooser<'_> {
     }
 
     fn named(&self, role: &Role, name: &str) -> Result<Topic> {
-        let fits = |topic: &&Topic| role.kind(&topic.type_name).is_some() && topic.known_type().is_some();
-        let inside = self.robot.inside(name);
-        let all = || self.recording.topics().iter().filter(fits);
-        let found = all().find(|topic| topic.is_named(name)).or_else(|| {
-            all()
-                .find(|topic| role.node == "robot" && inside.as_ref().is_some_and(|name| topic.name == *name))
-        });
-        if let Some(topic) = found {
-            return Ok(topic.clone());
-        }
-        Err(self.fault(role, &format!("there is no topic {name} that can be {}", role.what)))
+        let inside = self.robot.inside(name).filter(|_| role.node == "robot");
+        let is_inside = |topic: &&Topic| inside.as_ref() == Some(&topic.name);
+        let found = self.of_role(role).find(|topic| topic.is_named(name));
+        let found = found.or_else(|| self.of_role(role).find(is_inside));
+        let reason = || format!("there is no topic {name} that can be {}", role.what);
+        found.cloned().ok_or_else(|| self.fault(role, &reason()))
     }
 
     /// The topic of a role: the one that was named, or the one with a usual name, or the only one.
@@ -163,12 +161,10 @@ impl Chooser<'_> {
             (None, [only]) => Ok(Some((*only).clone())),
             (None, []) => Ok(None),
             (None, _) => {
-                let robots = self.robots();
+                let (robots, flag) = (self.robots(), Named("robot"));
+                let names = robots::names(&robots);
                 let way = match robots.len() > 1 && role.node == "robot" {
-                    true => {
-                        let (names, flag) = (robots::names(&robots), Named("robot"));
-                        format!(", of the robots {names} ({flag} NAME chooses one)")
-                    }
+                    true => format!(", of the robots {names} ({flag} NAME chooses one)"),
                     false => String::new(),
                 };
                 Err(self.fault(role, &format!("several topics can be {}{way}", role.what)))
@@ -262,12 +258,9 @@ impl Chooser<'_> {
     }
 
     pub(super) fn has_only_states(&self) -> bool {
-        let there = |(name, kind): (&str, &str)| {
-            self.recording
-                .topics()
-                .iter()
-                .any(|topic| topic.name == name && topic.type_name == kind && topic.known_type().is_some())
-        };
+        let topics = || self.recording.topics().iter().filter(|topic| topic.known_type().is_some());
+        let there =
+            |(name, kind): (&str, &str)| topics().any(|topic| topic.name == name && topic.type_name == kind);
         self.one(&ROBOT_ODOM, None).is_ok_and(|topic| topic.is_none()) && STATES.into_iter().all(there)
     }
 
@@ -294,14 +287,14 @@ impl Chooser<'_> {
         let is_people = role.flag == PEOPLE.flag;
         let types: Vec<&str> = role.kinds.iter().map(|Kind { type_name, .. }| *type_name).collect();
         let types = match is_people {
-            true => "a topic of people of any tracker, such as vision_msgs/Detection3DArray, people_msgs/People or \
-                     geometry_msgs/PoseArray (docs/people.md has all types)"
+            true => "people of any tracker, such as vision_msgs/Detection3DArray, people_msgs/People or geometry_msgs/PoseArray \
+                     (docs/people.md has all types)"
                 .to_owned(),
-            false => format!("a topic of type {}", types.join(" or ")),
+            false => format!("type {}", types.join(" or ")),
         };
         let candidates = if is_people { self.people_candidates() } else { self.candidates(role) };
         let describe = |topic: &Topic| format!("{} ({})", topic.name, topic.type_name);
-        let takes = format!("{reason}; {} takes {types}", Named(role.flag));
+        let takes = format!("{reason}; {} takes a topic of {types}", Named(role.flag));
         if candidates.is_empty() {
             let all: Vec<String> = self.recording.topics().iter().map(describe).collect();
             let (all, signal) = (all.join(", "), Named("signal"));

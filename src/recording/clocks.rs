@@ -214,24 +214,14 @@ impl Clocks {
         let mut recording = Recording::open(path)?;
         let topics = recording.topics().to_vec();
         let definitions = Arc::new(Definitions::of(""));
-        let is_measured = |topic: &Topic| {
-            // What is fixed has no time; transforms of the future are usual.
-            wanted(topic) && topic.type_name != "tf2_msgs/TFMessage" && !is_clock(topic)
-        };
+        let is_tf = |topic: &Topic| topic.type_name == "tf2_msgs/TFMessage";
+        // What is fixed has no time; transforms of the future are usual.
+        let is_measured = |topic: &Topic| wanted(topic) && !is_tf(topic) && !is_clock(topic);
         let has_clock = topics.iter().any(is_clock);
-        let stamps: Vec<Option<Stamps>> = topics
-            .iter()
-            .map(|topic| Stamps::of(topic, &definitions).filter(|_| is_measured(topic)))
-            .collect();
-        let moves = |topic: &Topic| {
-            wanted(topic)
-                && topic.type_name == "tf2_msgs/TFMessage"
-                && !topic.latched
-                && !topic.name.ends_with("_static")
-        };
-        let is_fixed = |topic: &Topic| {
-            wanted(topic) && topic.type_name == "tf2_msgs/TFMessage" && topic.name.ends_with("_static")
-        };
+        let stamps_of = |topic: &Topic| Stamps::of(topic, &definitions).filter(|_| is_measured(topic));
+        let stamps: Vec<Option<Stamps>> = topics.iter().map(stamps_of).collect();
+        let is_fixed = |topic: &Topic| wanted(topic) && is_tf(topic) && topic.name.ends_with("_static");
+        let moves = |topic: &Topic| wanted(topic) && is_tf(topic) && !topic.latched && !is_fixed(topic);
         recording.select(|topic| is_measured(topic) || is_clock(topic) || moves(topic) || is_fixed(topic));
         let mut fixed: BTreeMap<String, BTreeMap<String, TransformStamped>> = BTreeMap::new();
         let mut intervals: BTreeMap<usize, Intervals> = BTreeMap::new();
@@ -281,21 +271,18 @@ impl Clocks {
         }
         for (topic, offset) in topics.iter().zip(measured) {
             let Offset { count, stepped: Stepped { mistakes, .. }, .. } = offset.unwrap_or_default();
-            let share = mistakes.len() as f64 / count.max(1) as f64;
-            let (file, name) = (path.display(), &topic.name);
-            if share > MOST_MISTAKEN {
+            let (file, name, wrong) = (path.display(), &topic.name, mistakes.len());
+            if wrong as f64 / count.max(1) as f64 > MOST_MISTAKEN {
                 clocks.notes.push(format!(
-                    "{file}: {} of {count} messages of {name} are stamped far from those around them; --clock {name}=recording uses \
-                     the time at which they were recorded instead",
-                    mistakes.len()
+                    "{file}: {wrong} of {count} messages of {name} are stamped far from those around them; --clock {name}=recording uses \
+                     the time at which they were recorded instead"
                 ));
                 clocks.mistakes.push(BTreeSet::new());
                 continue;
             }
-            if !mistakes.is_empty() {
+            if wrong > 0 {
                 clocks.notes.push(format!(
-                    "{file}: {} of {count} messages of {name} are stamped more than {CLOSE_S} s from those around them and are left out",
-                    mistakes.len()
+                    "{file}: {wrong} of {count} messages of {name} are stamped more than {CLOSE_S} s from those around them and are left out"
                 ));
             }
             clocks.mistakes.push(mistakes.into_iter().collect());

@@ -37,6 +37,14 @@ fn is_tf(topic: &Topic, tf: &str) -> bool {
         && topic.type_name == "tf2_msgs/TFMessage"
 }
 
+/// A recording of which only these topics are read, and all its topics.
+fn opened(path: &Path, wanted: impl Fn(&Topic) -> bool) -> Result<(Recording, Vec<Topic>)> {
+    let mut recording = Recording::open(path)?;
+    let topics = recording.topics().to_vec();
+    recording.select(wanted);
+    Ok((recording, topics))
+}
+
 /// Reads the whole recording.
 ///
 /// # Errors
@@ -48,9 +56,8 @@ pub(crate) fn measure(
     map: &str,
     tf_topic: &str,
 ) -> Result<Coverage> {
-    let mut recording = Recording::open(path)?;
-    let topics = recording.topics().to_vec();
-    recording.select(|topic| topic.name == pose || topic.name == odometry || is_tf(topic, tf_topic));
+    let wanted = |topic: &Topic| topic.name == pose || topic.name == odometry || is_tf(topic, tf_topic);
+    let (mut recording, topics) = opened(path, wanted)?;
     let (mut by_pose, mut by_odometry) = (Known::default(), Known::default());
     let (mut waiting, mut tf) = (VecDeque::new(), TfBuffer::default());
     // Of each run of the recording.
@@ -127,9 +134,7 @@ impl Known {
 /// # Errors
 /// A recording that cannot be opened.
 pub(crate) fn frame_of(path: &Path, name: &str) -> Result<Option<String>> {
-    let mut recording = Recording::open(path)?;
-    let topics = recording.topics().to_vec();
-    recording.select(|topic| topic.name == name);
+    let (mut recording, topics) = opened(path, |topic| topic.name == name)?;
     let headers = recording.by_ref().map(|record| header(&topics[record.topic], &record));
     Ok(headers.take(LOOKED_AT).flatten().next().map(|header| header.frame_id))
 }
@@ -139,9 +144,7 @@ pub(crate) fn frame_of(path: &Path, name: &str) -> Result<Option<String>> {
 /// # Errors
 /// A recording that cannot be opened.
 pub(crate) fn has_frame(path: &Path, tf: &str, frame: &str) -> Result<bool> {
-    let mut recording = Recording::open(path)?;
-    let topics = recording.topics().to_vec();
-    recording.select(|topic| is_tf(topic, tf));
+    let (mut recording, topics) = opened(path, |topic| is_tf(topic, tf))?;
     let is_it = |name: &str| name.trim_start_matches('/') == frame;
     Ok(recording.by_ref().any(|record| {
         let message = topics[record.topic].decode::<TFMessage>(&record.bytes).unwrap_or_default();
@@ -154,9 +157,7 @@ pub(crate) fn has_frame(path: &Path, tf: &str, frame: &str) -> Result<bool> {
 /// # Errors
 /// A recording that cannot be opened.
 pub(crate) fn frames(path: &Path, tf: &str) -> Result<BTreeSet<String>> {
-    let mut recording = Recording::open(path)?;
-    let topics = recording.topics().to_vec();
-    recording.select(|topic| is_tf(topic, tf));
+    let (mut recording, topics) = opened(path, |topic| is_tf(topic, tf))?;
     let mut frames = BTreeSet::new();
     for record in recording.by_ref().take(LOOKED_AT) {
         let Ok(message) = topics[record.topic].decode::<TFMessage>(&record.bytes) else { continue };

@@ -272,18 +272,15 @@ impl Inputs {
         let of_robot = odometry.as_ref().or(pose.as_ref());
         self.take_tf(&of_robot.map_or("/tf".into(), |topic| chooser.tf_of(&topic.name)));
         match (odometry, pose) {
-            (Some(odometry), pose) if odometry.type_name == VELOCITY => {
+            (Some(odometry), Some(pose)) if odometry.type_name == VELOCITY => {
                 self.take(&ROBOT_ODOM, &odometry);
-                match pose {
-                    Some(pose) => {
-                        self.take(&ROBOT_POSE, &pose);
-                        self.take_target(chooser, args, &pose.name)?;
-                    }
-                    None => {
-                        let (base, map) = self.frames(chooser)?;
-                        self.chosen.push(format!("robot pose: the place of {base} in {map} by TF"));
-                    }
-                }
+                self.take(&ROBOT_POSE, &pose);
+                self.take_target(chooser, args, &pose.name)?;
+            }
+            (Some(odometry), None) if odometry.type_name == VELOCITY => {
+                self.take(&ROBOT_ODOM, &odometry);
+                let (base, map) = self.frames(chooser)?;
+                self.chosen.push(format!("robot pose: the place of {base} in {map} by TF"));
             }
             (Some(odometry), pose) => {
                 self.take(&ROBOT_ODOM, &odometry);
@@ -321,20 +318,16 @@ impl Inputs {
             let known =
                 coverage::measure(chooser.path, &pose.name, &odometry.name, &target_frame(args), &self.tf)?;
             let percent = |share: f64| format!("{:.0} % of the time", 100.0 * share);
+            let (by_pose, by_odometry) = (percent(known.pose), percent(known.odometry));
             if known.odometry <= known.pose + CLEARLY_MORE {
                 self.take(&ROBOT_POSE, &pose);
-                let (pose, odometry) = (percent(known.pose), percent(known.odometry));
-                let chosen = format!("it knows the robot in {pose}; {by_tf}: in {odometry}");
                 if let Some(line) = self.chosen.last_mut() {
-                    line.push_str(&format!("; {chosen}"));
+                    *line += &format!("; it knows the robot in {by_pose}; {by_tf}: in {by_odometry}");
                 }
                 return Ok(());
             }
-            let (by_odometry, by_pose) = (percent(known.odometry), percent(known.pose));
-            why = format!(
-                ": it knows the robot in {by_odometry}, {} ({}) in {by_pose}",
-                pose.name, pose.type_name
-            );
+            let Topic { name, type_name, .. } = pose;
+            why = format!(": it knows the robot in {by_odometry}, {name} ({type_name}) in {by_pose}");
         }
         self.set("robot", "pose_topic", ODOMETRY_POSE);
         self.set("robot", "pose_type", "PoseStamped");
@@ -345,10 +338,8 @@ impl Inputs {
 
     /// The frame of all states where nothing knows a map: that of the robot's places.
     fn take_target(&mut self, chooser: &Chooser<'_>, args: &InputArgs, place: &str) -> Result<()> {
-        let is_named = args
-            .params
-            .iter()
-            .any(|text| text.split_once('=').is_some_and(|(name, _)| name.ends_with(".target_frame")));
+        let mut set = args.params.iter().filter_map(|text| text.split_once('='));
+        let is_named = set.any(|(name, _)| name.ends_with(".target_frame"));
         let frame = coverage::frame_of(chooser.path, place)?.unwrap_or_default();
         let frame = frame.trim_start_matches('/');
         let map = target_frame(args);
@@ -426,10 +417,9 @@ impl Inputs {
                 self.take_people_frames(chooser, "", args)?;
             } else {
                 named.resize_with(topics.len(), Tracker::default);
-                named
-                    .iter_mut()
-                    .zip(&topics)
-                    .for_each(|(tracker, topic)| tracker.topic.clone_from(&topic.name));
+                for (tracker, topic) in named.iter_mut().zip(&topics) {
+                    tracker.topic.clone_from(&topic.name);
+                }
                 self.take_people_topics(&topics, &named, args)?;
                 self.check_names(chooser, args, &persons::Source::Topics(&named))?;
             }
@@ -454,12 +444,12 @@ impl Inputs {
         self.set("human", "people_type", "ros4hri");
         self.set("human", "people_frames", pattern);
         self.topics.extend(lists);
-        let forms = match pattern.split_once('*') {
-            Some((start, end)) => vec![(start.trim_start_matches('/').to_owned(), end.to_owned())],
-            None if pattern.is_empty() => {
-                ROS4HRI_FRAMES.map(|start| (start.to_owned(), String::new())).to_vec()
+        let forms = match pattern {
+            "" => ROS4HRI_FRAMES.map(|start| (start.to_owned(), String::new())).to_vec(),
+            pattern => {
+                let (start, end) = pattern.split_once('*').unwrap_or((pattern, ""));
+                vec![(start.trim_start_matches('/').to_owned(), end.to_owned())]
             }
-            None => vec![(pattern.trim_start_matches('/').to_owned(), String::new())],
         };
         let tf = self.tf.clone();
         self.check_names(chooser, args, &persons::Source::Frames(&tf, forms))
@@ -633,11 +623,8 @@ impl Inputs {
             self.set("data", "sel_agent", "nearest:1");
             self.chosen.push("person: the nearest to the robot (--person names one)".into());
         }
-        if let Some(dt) = args.dt {
-            self.params.push(("data".into(), "dt".into(), Value::Double(dt)));
-        }
-        if let Some(length) = args.ts_length {
-            self.params.push(("data".into(), "ts_length".into(), Value::Double(length)));
+        for (name, value) in [("dt", args.dt), ("ts_length", args.ts_length)] {
+            self.params.extend(value.map(|value| ("data".into(), name.into(), Value::Double(value))));
         }
         for text in &args.params {
             let (node, name, value) = parse(text)?;

@@ -13,7 +13,9 @@ use roscausal_core::{
     state::identity::{Names, Who},
 };
 use roscausal_discovery::Named;
-use roscausal_msgs::{hri_msgs::IdsList, std_msgs::String as Text, tf2_msgs::TFMessage};
+use roscausal_msgs::{
+    geometry_msgs::TransformStamped, hri_msgs::IdsList, std_msgs::String as Text, tf2_msgs::TFMessage,
+};
 use roscausal_recording::{Recording, Topic};
 
 use super::choose::Chooser;
@@ -133,21 +135,17 @@ pub(super) fn check(chooser: &Chooser<'_>, names: &[String], source: &Source<'_>
             }
             Source::Frames(_, forms) => {
                 let Ok(message) = topic.decode::<TFMessage>(&record.bytes) else { continue };
-                let name = |frame: &str| {
-                    let frame = frame.trim_start_matches('/');
-                    forms
-                        .iter()
-                        .find_map(|(start, end)| {
-                            frame.strip_prefix(start.as_str())?.strip_suffix(end.as_str())
-                        })
-                        .map(str::to_owned)
+                let name = |transform: &TransformStamped| {
+                    let frame = transform.child_frame_id.trim_start_matches('/');
+                    let within = |(start, end): &(String, String)| {
+                        frame.strip_prefix(start.as_str())?.strip_suffix(end.as_str())
+                    };
+                    forms.iter().find_map(within).map(str::to_owned)
                 };
-                message.transforms.iter().filter_map(|transform| name(&transform.child_frame_id)).collect()
+                message.transforms.iter().filter_map(name).collect()
             }
         };
-        found.iter().for_each(|name| {
-            missing.remove(name.as_str());
-        });
+        missing.retain(|name| found.iter().all(|known| known != name));
         if missing.is_empty() {
             return Ok(());
         }

@@ -101,9 +101,9 @@ impl<'a> Play<'a> {
         let played = Played::default();
         let (troubles, people) = (played.troubles.clone(), played.people.clone());
         let diagnostics = node.subscribe("/diagnostics", Qos::Volatile(10), move |m: DiagnosticArray| {
-            let reported =
-                m.status.iter().flat_map(|status| &status.values).filter(|pair| !pair.value.is_empty());
-            for pair in reported {
+            for pair in
+                m.status.iter().flat_map(|status| &status.values).filter(|pair| !pair.value.is_empty())
+            {
                 if let Some(place) = SAID.iter().position(|key| pair.key == *key) {
                     lock(&people)[place].clone_from(&pair.value);
                 }
@@ -172,10 +172,8 @@ impl<'a> Play<'a> {
                 }
                 if !self.clocks.leaves_out(record.topic, number) {
                     if let Some(Some(stamps)) = self.stamps.get(record.topic) {
-                        stamps.set(
-                            &mut record.bytes,
-                            if self.clock.is_some() { self.now } else { record.stamp },
-                        );
+                        let stamp = if self.clock.is_some() { self.now } else { record.stamp };
+                        stamps.set(&mut record.bytes, stamp);
                     }
                     self.publish(topic, &record);
                     self.bus.settle();
@@ -196,13 +194,8 @@ impl<'a> Play<'a> {
     fn advance(&mut self, stamp: Time) {
         let step = stamp.as_nanos() - std::mem::replace(&mut self.last, stamp).as_nanos();
         let after = |step: i64| Time::from_nanos(self.now.as_nanos().saturating_add(step));
-        let (begin, now) = if step <= AFTER_HOLE_NS {
-            (after(step.max(0)), after(step.max(0)))
-        } else if step <= LONGEST_HOLE_NS {
-            (after(AFTER_HOLE_NS), after(step))
-        } else {
-            (after(AFTER_HOLE_NS), after(AFTER_HOLE_NS))
-        };
+        let begin = after(step.clamp(0, AFTER_HOLE_NS));
+        let now = if step > LONGEST_HOLE_NS { begin } else { after(step.max(0)) };
         self.now = now;
         self.bus.advance_to(begin);
         if now > begin {
@@ -256,29 +249,28 @@ impl Played {
     /// Reports on stderr what was lost.
     pub(crate) fn tell(&self, path: &Path) {
         let [names, changed, per_row, ahead, follows] = lock(&self.people).clone();
+        let file = path.display();
         if !names.is_empty() {
-            tell!("{}: people: {names}", path.display());
+            tell!("{file}: people: {names}");
         }
         if !changed.is_empty() {
             tell!(
-                "note: {}: a new number of a person began where another had ended within 2 s ({changed}): probably the same person; --param \
-                 human.rejoin_time=2 joins them",
-                path.display()
+                "note: {file}: a new number of a person began where another had ended within 2 s ({changed}): probably the same person; \
+                 --param human.rejoin_time=2 joins them"
             );
         }
         if let Some(remark) = per_row.parse().ok().zip(ahead.parse().ok()).and_then(of_rows) {
-            tell!("note: {}: {remark}", path.display());
+            tell!("note: {file}: {remark}");
         }
         if follows.parse::<f64>().is_ok_and(|share| share >= 50.0) {
             tell!(
-                "note: {}: the robot follows people in {follows} % of the rows in which both move: their distance is then a sum of both \
-                 speeds, and a link from it to a speed may be there without a cause",
-                path.display()
+                "note: {file}: the robot follows people in {follows} % of the rows in which both move: their distance is then a sum of both \
+                 speeds, and a link from it to a speed may be there without a cause"
             );
         }
         self.losses.iter().for_each(|loss| tell!("note: {loss}"));
         for (topic, (count, first)) in &self.unreadable {
-            tell!("note: {}: {count} messages of {topic} cannot be read, the first: {first}", path.display());
+            tell!("note: {file}: {count} messages of {topic} cannot be read, the first: {first}");
         }
     }
 

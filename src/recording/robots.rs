@@ -144,10 +144,9 @@ pub(super) fn named(name: &str, robots: &[Robot<'_>], framed: &[String]) -> Resu
     if framed.iter().any(|robot| robot == plain) {
         return Ok(Space::Chosen(format!("/{plain}")));
     }
-    let mut all: Vec<&str> = robots.iter().map(|robot| robot.name.as_str()).collect();
-    all.extend(
-        framed.iter().map(String::as_str).filter(|name| robots.iter().all(|robot| robot.name != *name)),
-    );
+    let is_new = |name: &&String| robots.iter().all(|robot| robot.name != **name);
+    let all = robots.iter().map(|robot| &robot.name).chain(framed.iter().filter(is_new));
+    let all: Vec<&str> = all.map(String::as_str).collect();
     let reason = match all.is_empty() {
         true => format!("no robot in it has a namespace, so there is none called '{name}'; leave it out"),
         false => {

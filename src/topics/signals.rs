@@ -72,16 +72,10 @@ impl Signal {
     }
 
     fn line(&self, topic: &str, names: usize, kinds: usize) -> String {
-        let (rate, gap) = match self.count.rate() {
-            Some(rate) => (format!("{rate:.2}"), format!("{:.3}", self.count.gap_s)),
-            None => ("-".to_owned(), "-".to_owned()),
-        };
-        let [least, most] = match self.range {
-            Some((least, most)) => [least, most].map(shown),
-            None => ["-".to_owned(), "-".to_owned()],
-        };
-        let name = format!("{topic}.{}", self.path);
-        let kind = &self.kind;
+        let [rate, gap] = self.count.texts();
+        let [least, most] =
+            self.range.map_or_else(|| ["-"; 2].map(str::to_owned), |(least, most)| [least, most].map(shown));
+        let (name, kind) = (format!("{topic}.{}", self.path), &self.kind);
         format!("{name:names$}  {kind:kinds$}  {rate:>8}  {gap:>9}  {least:>12}  {most:>12}")
     }
 }
@@ -131,7 +125,7 @@ pub(super) fn run(path: &File, interrupt: &Interrupt) -> Result<()> {
         }
     }
     let mut lines: Vec<_> = topics.iter().zip(&listed).collect();
-    lines.sort_by(|a, b| (&a.0.name, &a.0.type_name).cmp(&(&b.0.name, &b.0.type_name)));
+    lines.sort_by_key(|(topic, _)| (&topic.name, &topic.type_name));
     let width = |(topic, listed): &(&Topic, &std::result::Result<Listed, String>)| {
         let paths = listed.iter().flat_map(|listed| &listed.signals);
         paths.map(|signal| topic.name.len() + 1 + signal.path.to_string().len()).max()

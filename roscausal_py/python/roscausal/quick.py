@@ -129,6 +129,13 @@ def as_json(settings: dict[str, Any]) -> str:
     return json.dumps(settings, default=plain)
 
 
+def whole(name: str, value: Any, least: int = 0, what: str = "a whole number of 0 or more") -> int:
+    """A whole number, refused where it is none or below the least one."""
+    if isinstance(value, bool) or not hasattr(value, "__index__") or value < least:
+        raise _native.SettingError(f"setting '{name}': {value!r} is not {what}")
+    return int(value)
+
+
 def _completed(function: Callable[..., Model]) -> None:
     """Puts the table of settings into a function's signature and its documentation."""
     table = [one for one in json.loads(_native.words())["settings"] if one["id"] not in ("test", "dt")]

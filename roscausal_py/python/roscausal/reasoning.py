@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from . import _native
 from ._native import DataError, SettingError
 from .data import Recordings
-from .quick import as_json
+from .quick import as_json, whole
 
 #: How to take an answer: OK; NOT_SUPPORTED, the data do not reach there; AMBIGUOUS, it depends on a link whose direction is open.
 Status = Literal["OK", "NOT_SUPPORTED", "AMBIGUOUS"]
@@ -438,7 +438,7 @@ class StructuralModel:
         Raises:
             SettingError: A variable that is not there, a lag that is too large.
         """
-        text, words = self._native.effect(cause, effect, _whole("max_lag", max_lag), standardised)
+        text, words = self._native.effect(cause, effect, whole("max_lag", max_lag), standardised)
         found = json.loads(text)
         total, lower, upper, direct = (np.array(found[name], dtype=float) for name in ("total", "lower", "upper", "direct"))
         mediated = dict(zip(found["mediators"], found["mediated"]))
@@ -477,8 +477,8 @@ class StructuralModel:
         if (from_row is None) != (to_row is None):
             raise SettingError("give both rows of the change, or none for the largest one")
         recording, _ = self._moment(None, recording)
-        rows = None if from_row is None or to_row is None else (_whole("from_row", from_row), _whole("to_row", to_row))
-        text, words = self._native.explain(variable, recording, rows, _whole("horizon", horizon), seed)
+        rows = None if from_row is None or to_row is None else (whole("from_row", from_row), whole("to_row", to_row))
+        text, words = self._native.explain(variable, recording, rows, whole("horizon", horizon), seed)
         found = json.loads(text)
         return Explanation(
             found["status"], found["message"], found["caveats"], words,
@@ -501,9 +501,3 @@ def _outlook(found: dict[str, Any]) -> Outlook:
     ]
     costs = {name: float("nan") if found[name] is None else found[name] for name in ("cost", "cost_lower", "cost_upper")}
     return Outlook(**{**found, **costs, "forecasts": forecasts})
-
-
-def _whole(name: str, value: Any) -> int:
-    if isinstance(value, bool) or not hasattr(value, "__index__") or value < 0:
-        raise SettingError(f"setting '{name}': {value!r} is not a whole number of 0 or more")
-    return int(value)

@@ -14,7 +14,7 @@ from ._native import SettingError
 from .data import frame_of, recordings_of
 from .model import Model
 from .progress import Progress, reporter
-from .quick import as_json, settings_of
+from .quick import as_json, settings_of, whole
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -174,13 +174,8 @@ def roll(
             raise SettingError(f"setting '{name}': windows are not resampled; call rc.discover on the rows of one window")
     found = recordings_of(data, columns)
     text = as_json(settings_of(found, test=test, **given))
-    cut = (_rows("window", window), _rows("step", window if step is None else step))
+    rows = "a number of rows from 1 on"
+    cut = (whole("window", window, 1, rows), whole("step", window if step is None else step, 1, rows))
     windows, status = _native.roll(frame_of(found), text, *cut, reporter(progress, "windows"))
     models = [Window(k, start, end, Model(model, found.rows(k, start, end))) for k, start, end, model in windows]
     return Rolling(models, models[0].model.dt if models else found.dt, status)
-
-
-def _rows(name: str, value: Any) -> int:
-    if isinstance(value, bool) or not hasattr(value, "__index__") or value < 1:
-        raise SettingError(f"setting '{name}': {value!r} is not a number of rows from 1 on")
-    return int(value)

@@ -5,18 +5,12 @@ use crate::{graph::Pair, model::StructuralModel};
 /// What says that the answer depends on an open link, if it does: `effects` are those of the model's members; within `nothing` of 0 an
 /// effect is none.
 pub(super) fn sentence(model: &StructuralModel, effects: &[f64], nothing: f64) -> Option<String> {
-    let signs: Vec<i8> = effects
-        .iter()
-        .map(|&e| {
-            if e.abs() <= nothing {
-                0
-            } else if e > 0.0 {
-                1
-            } else {
-                -1
-            }
-        })
-        .collect();
+    let sign = |effect: &f64| match *effect {
+        effect if effect.abs() <= nothing => 0,
+        effect if effect > 0.0 => 1,
+        _ => -1,
+    };
+    let signs: Vec<i8> = effects.iter().map(sign).collect();
     if effects.len() < 2 || signs.windows(2).all(|pair| pair[0] == pair[1]) {
         return None;
     }

@@ -3,7 +3,7 @@
 use super::{
     Outlook,
     plan::{Plan, moved},
-    sentences::{listed, no_effect, short},
+    sentences::{listed, named, no_effect, short},
 };
 use crate::{
     model::StructuralModel,
@@ -36,15 +36,11 @@ pub(super) fn of_what_if(
     let beyond: Vec<String> =
         outlooks.iter().filter(short_of).map(|outlook| format!("'{}'", outlook.action)).collect();
     if !beyond.is_empty() {
-        caveats.push(format!(
-            "{} leads where the data do not reach; {}",
-            listed(&beyond),
-            if question.answered_steps(0) > 0 {
-                "from there on the answer is a guess along the trend"
-            } else {
-                "the answer ends there"
-            }
-        ));
+        let then = match question.answered_steps(0) {
+            0 => "the answer ends there",
+            _ => "from there on the answer is a guess along the trend",
+        };
+        caveats.push(format!("{} leads where the data do not reach; {then}", listed(&beyond)));
     }
     caveats.extend(quality(model, &asked.variables));
     caveats.extend(of_model(model));
@@ -76,9 +72,8 @@ fn unmoved(
         }
         let mut sentence = no_effect(model, &acting, &still, question.horizon);
         if plan.ranking.contains(&k) && still.iter().any(|var| targets.contains(var)) {
-            let rest = targets.iter().filter(|var| moved[**var]);
-            let rest: Vec<String> = rest.map(|&var| model.graph().names()[var].clone()).collect();
-            sentence += &format!("; it is ranked by {} alone", listed(&rest));
+            let rest: Vec<usize> = targets.iter().copied().filter(|&var| moved[var]).collect();
+            sentence += &format!("; it is ranked by {} alone", named(model, &rest));
         }
         if !stated.contains(&sentence) {
             stated.push(sentence);
@@ -123,13 +118,12 @@ fn quality(model: &StructuralModel, variables: &[usize]) -> Vec<String> {
             "on the last fifth of the rows intervals of {percent} % held less often ({narrow}) and are widened accordingly"
         ));
     }
-    let no_skill = |var: &&usize| quality.skill(0, **var).is_some_and(|skill| skill <= 0.0);
-    let without: Vec<String> = variables.iter().filter(no_skill).map(|&var| names[var].clone()).collect();
+    let no_skill = |var: &usize| quality.skill(0, *var).is_some_and(|skill| skill <= 0.0);
+    let without: Vec<usize> = variables.iter().copied().filter(no_skill).collect();
     if !without.is_empty() {
-        stated.push(format!(
-            "one step ahead the model forecasts {} no better than its last value does",
-            listed(&without)
-        ));
+        let without = named(model, &without);
+        stated
+            .push(format!("one step ahead the model forecasts {without} no better than its last value does"));
     }
     stated
 }
@@ -149,16 +143,16 @@ pub(super) fn of_model(model: &StructuralModel) -> Vec<String> {
     if model.members().iter().any(|member| member.against_the_rule) {
         caveats.push("each direction of the open links makes a collider that the method did not find; all of them are taken".to_owned());
     }
-    for member in model.members().iter().take(1) {
+    if let Some(member) = model.members().first() {
         caveats.extend(member.model.noise.shared.iter().map(|pair| shared(model, *pair)));
         for (name, summary) in names.iter().zip(&member.model.summaries) {
             if let Some(reason) = &summary.missing {
                 caveats.push(reason.clone());
             }
             if !summary.dropped.is_empty() {
+                let dropped = listed(&summary.dropped);
                 caveats.push(format!(
-                    "{} is left out of the equation of {name}: other parents say the same",
-                    listed(&summary.dropped)
+                    "{dropped} is left out of the equation of {name}: other parents say the same"
                 ));
             }
             if summary.alone > 0 {
@@ -248,12 +242,7 @@ pub(super) fn weakest_link(model: &StructuralModel, path: &[usize]) -> Option<St
         let all = model.facts.p_values.iter().filter(|(c, e, ..)| c == cause && e == effect);
         all.map(|(.., p)| *p).min_by(f64::total_cmp).map(|p| (cause, effect, p))
     };
-    let weakest = path.windows(2).filter_map(p_of).max_by(|a, b| a.2.total_cmp(&b.2))?;
-    Some(format!(
-        "the weakest link on the path {} is {} -> {} ({})",
-        arrows(model, path),
-        weakest.0,
-        weakest.1,
-        if weakest.2 < 0.001 { "p < 0.001".to_owned() } else { format!("p = {}", short(weakest.2)) }
-    ))
+    let (cause, effect, p) = path.windows(2).filter_map(p_of).max_by(|a, b| a.2.total_cmp(&b.2))?;
+    let p = if p < 0.001 { "p < 0.001".to_owned() } else { format!("p = {}", short(p)) };
+    Some(format!("the weakest link on the path {} is {cause} -> {effect} ({p})", arrows(model, path)))
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Status, ambiguity, caveats,
-    sentences::{listed, no_effect, short, steps},
+    sentences::{listed, named, no_effect, short, steps},
 };
 use crate::{
     effects::{Columns, Paths, Sums},
@@ -93,15 +93,14 @@ pub fn effect(model: &StructuralModel, question: &EffectQuestion) -> EffectAnswe
         Ok(pair) => pair,
         Err(message) => return refuse(Status::BadRequest, message),
     };
-    if question.max_lag > LONGEST_LAG || (question.max_lag == 0 && cause == effect) {
+    let max_lag = question.max_lag;
+    if max_lag > LONGEST_LAG || (max_lag == 0 && cause == effect) {
         let message = format!(
-            "a largest lag of {} is not answered; ask for 0 to {LONGEST_LAG}, above 0 for a variable on itself",
-            question.max_lag
+            "a largest lag of {max_lag} is not answered; ask for 0 to {LONGEST_LAG}, above 0 for a variable on itself"
         );
         return refuse(Status::BadRequest, message);
     }
-    let graphs =
-        model.members().iter().map(|member| of_graph(model, member, cause, effect, question.max_lag));
+    let graphs = model.members().iter().map(|member| of_graph(model, member, cause, effect, max_lag));
     let graphs: Vec<ByGraph> = match graphs.collect::<Result<_, String>>() {
         Ok(graphs) => graphs,
         Err(message) => return refuse(Status::NotSupported, message),
@@ -114,18 +113,15 @@ pub fn effect(model: &StructuralModel, question: &EffectQuestion) -> EffectAnswe
     };
     let count = graphs.len() as f64;
     let average = |of: &dyn Fn(&ByGraph) -> f64| unit * graphs.iter().map(of).sum::<f64>() / count;
-    let lags: Vec<usize> = (0..=question.max_lag).collect();
-    let total: Vec<f64> = lags.iter().map(|&lag| average(&|g| g.lags[lag].coefficient)).collect();
+    let total: Vec<f64> = (0..=max_lag).map(|lag| average(&|g| g.lags[lag].coefficient)).collect();
     let fold = |lag: usize, first: f64, pick: fn(f64, f64) -> f64, of: fn(&AtLag) -> f64| {
         unit * graphs.iter().map(|g| of(&g.lags[lag])).fold(first, pick)
     };
-    let lower =
-        lags.iter().map(|&lag| fold(lag, f64::INFINITY, f64::min, |l| l.bounds.0)).collect::<Vec<_>>();
-    let upper =
-        lags.iter().map(|&lag| fold(lag, f64::NEG_INFINITY, f64::max, |l| l.bounds.1)).collect::<Vec<_>>();
-    let direct: Vec<f64> = lags.iter().map(|&lag| average(&|g| g.paths.direct(lag))).collect();
+    let lower = (0..=max_lag).map(|lag| fold(lag, f64::INFINITY, f64::min, |l| l.bounds.0)).collect();
+    let upper = (0..=max_lag).map(|lag| fold(lag, f64::NEG_INFINITY, f64::max, |l| l.bounds.1)).collect();
+    let direct: Vec<f64> = (0..=max_lag).map(|lag| average(&|g| g.paths.direct(lag))).collect();
     let own = usize::from(cause == effect);
-    let peak = (own..=question.max_lag)
+    let peak = (own..=max_lag)
         .max_by(|&a, &b| total[a].abs().total_cmp(&total[b].abs()).then(b.cmp(&a)))
         .unwrap_or(0);
     let through = |k: usize| (k, average(&|g| g.paths.through(k, peak)));
@@ -151,16 +147,13 @@ pub fn effect(model: &StructuralModel, question: &EffectQuestion) -> EffectAnswe
         lower,
         upper,
         direct,
-        text: String::new(),
-        caveats: Vec::new(),
+        ..EffectAnswer::default()
     };
-    answer.text = if path {
-        text(model, question, &answer, peak)
+    if path {
+        answer.text = text(model, question, &answer, peak);
     } else {
-        format!("{}.", no_effect(model, &[cause], &[effect], question.max_lag))
-    };
-    if !path {
-        answer.caveats.extend(by_plain_regression(model, (cause, effect), question.max_lag));
+        answer.text = format!("{}.", no_effect(model, &[cause], &[effect], max_lag));
+        answer.caveats.extend(by_plain_regression(model, (cause, effect), max_lag));
     }
     answer.caveats.extend(cautions(model, &graphs, (cause, effect), peak, &answer));
     answer
@@ -193,13 +186,10 @@ fn by_plain_regression(
     let differs = |lag: &usize| interval_of(&at(*lag), level).map(f64::signum) != [-1.0, 1.0];
     let mean = |lag: usize| at(lag).iter().sum::<f64>() / refits.len() as f64;
     let strongest = (0..max_lag).filter(differs).max_by(|&a, &b| mean(a).abs().total_cmp(&mean(b).abs()))?;
-    let [low, high] = interval_of(&at(strongest), model.settings().interval);
+    let [low, high] = interval_of(&at(strongest), model.settings().interval).map(short);
+    let (mean, when) = (short(mean(strongest)), steps(model, strongest + 1));
     Some(format!(
-        "a plain regression on all variables at all lags would say {} ({} to {}) {} later: the graph may lack a link",
-        short(mean(strongest)),
-        short(low),
-        short(high),
-        steps(model, strongest + 1)
+        "a plain regression on all variables at all lags would say {mean} ({low} to {high}) {when} later: the graph may lack a link"
     ))
 }
 
@@ -234,17 +224,14 @@ fn bounds(values: impl Iterator<Item = f64>, tail: f64) -> (f64, f64) {
 /// The regression of the effect on the cause at one lag and the optimal set.
 fn at_lag(model: &StructuralModel, member: &Member, x: Node, y: Node, tail: f64) -> Result<AtLag, String> {
     let found = adjustment(&member.model.graph, &[x], y);
-    let none = |coefficient, found| AtLag {
-        found,
-        coefficient,
-        bounds: (coefficient, coefficient),
-        t: 0.0,
-        degrees: 1.0,
+    let none = |coefficient, found| {
+        let bounds = (coefficient, coefficient);
+        Ok(AtLag { found, coefficient, bounds, t: 0.0, degrees: 1.0 })
     };
     if x == y {
-        return Ok(none(1.0, found));
+        return none(1.0, found);
     }
-    let Some(set) = found.set.clone().filter(|_| found.causal_path) else { return Ok(none(0.0, found)) };
+    let Some(set) = found.set.clone().filter(|_| found.causal_path) else { return none(0.0, found) };
     // Rows in which an experiment imposed what lies on the paths do not show the effect.
     let cut: Vec<Node> = found.mediators.iter().copied().chain([y]).collect();
     let mut nodes: Vec<Node> = set.iter().copied().chain([x, y]).collect();
@@ -255,8 +242,7 @@ fn at_lag(model: &StructuralModel, member: &Member, x: Node, y: Node, tail: f64)
     let target = position(y);
     let degrees = columns.products.n as f64 - regressors.len() as f64 - 1.0;
     if degrees < 10.0 {
-        let graph = &member.model.graph;
-        let (rows, cause, others) = (columns.products.n, graph.text(x), set.len());
+        let (rows, cause, others) = (columns.products.n, member.model.graph.text(x), set.len());
         return Err(format!(
             "{rows} rows are too few to adjust the effect of {cause} for {others} others; record longer"
         ));
@@ -303,12 +289,10 @@ fn text(model: &StructuralModel, question: &EffectQuestion, answer: &EffectAnswe
     }
     let through = answer.mediators.iter().zip(&answer.mediated);
     ways.extend(through.map(|(name, part)| format!("{} through {name}", short(*part))));
+    let [by, low, high] = [&answer.total, &answer.lower, &answer.upper].map(|of| short(of[peak]));
+    let ways = listed(&ways);
     let mut sentences = vec![format!(
-        "A pulse of one {unit} of {cause} moves {effect} the most {when}: by {} ({} to {}), {}",
-        short(answer.total[peak]),
-        short(answer.lower[peak]),
-        short(answer.upper[peak]),
-        listed(&ways)
+        "A pulse of one {unit} of {cause} moves {effect} the most {when}: by {by} ({low} to {high}), {ways}"
     )];
     if !answer.adjustment_set.is_empty() {
         sentences.push(format!("Adjusted for {}", listed(&answer.adjustment_set)));
@@ -350,15 +334,13 @@ fn cautions(
         }
     }
     stated.extend(caveats::weakest_link(model, &caveats::strongest_path(model, cause, effect)));
-    let curved: Vec<String> = (0..names.len())
-        .filter(|&var| model.members()[0].model.summaries[var].process.is_some())
-        .map(|var| names[var].clone())
-        .collect();
+    let is_curved = |var: &usize| model.members()[0].model.summaries[*var].process.is_some();
+    let curved: Vec<usize> = (0..names.len()).filter(is_curved).collect();
     if !curved.is_empty() {
-        let noun = if curved.len() == 1 { "equation" } else { "equations" };
+        let (noun, curved) =
+            (if curved.len() == 1 { "equation" } else { "equations" }, named(model, &curved));
         stated.push(format!(
-            "the {noun} of {} may be curved: this is the effect on average, ask what-if for the one from a state",
-            listed(&curved)
+            "the {noun} of {curved} may be curved: this is the effect on average, ask what-if for the one from a state"
         ));
     }
     stated.extend(caveats::of_model(model));

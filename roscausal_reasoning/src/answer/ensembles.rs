@@ -45,8 +45,7 @@ pub(super) fn outcomes(
 ) -> Outcomes {
     let memory = model.graph_memory();
     let first = situation.now + 1 - memory;
-    let mut all = Vec::new();
-    let mut supported = schedule.steps();
+    let (mut all, mut supported) = (Vec::new(), schedule.steps());
     let (mut refused, mut unseen) = (None, None);
     let known = situation.now + if question.counterfactual { schedule.steps() } else { 0 };
     let seen = |var: usize| {
@@ -61,8 +60,7 @@ pub(super) fn outcomes(
         let directed = &member.model;
         let past = situation.stretch(first, situation.now);
         let paths = if question.counterfactual {
-            let rows = situation.stretch(first, known);
-            observed_again(directed, &rows, memory, schedule)
+            observed_again(directed, &situation.stretch(first, known), memory, schedule)
         } else {
             simulate(directed, &past, schedule, question.paths, question.seed, true, stop)
         };
@@ -123,8 +121,7 @@ impl Unseen {
             let Some(start) = touched(var).next() else { continue };
             let seen = model.samples().range(var);
             let value = |step: usize| schedule.value(step, var).unwrap_or_else(|| paths.mean(step, var));
-            let new = touched(var).filter(|&step| !is_seen(seen, value(step)));
-            for step in new {
+            for step in touched(var).filter(|&step| !is_seen(seen, value(step))) {
                 let reason = || not_reached(&model.graph().names()[var], value(step), seen, "");
                 if unseen.step.is_none_or(|first| step < first) {
                     (unseen.step, unseen.reason) = (Some(step), Some(reason()));
@@ -152,9 +149,9 @@ fn not_reached(name: &str, value: f64, seen: Option<(f64, f64)>, depends: &str) 
         Some((low, high)) => format!("seen: {name} from {} to {}", short(low), short(high)),
         None => format!("seen: no value of {name}"),
     };
+    let value = short(value);
     format!(
-        "the data do not reach {name} = {} ({seen}){depends}; ask within what was seen, or record it",
-        short(value)
+        "the data do not reach {name} = {value} ({seen}){depends}; ask within what was seen, or record it"
     )
 }
 
@@ -164,20 +161,18 @@ fn too_far(model: &Directed, past: &[f64], schedule: &Schedule, paths: &Ensemble
     for var in 0..graph.len() {
         let Some(start) = (0..schedule.steps()).find(|&step| schedule.touches(step, var)) else { continue };
         let acts = |child: usize| {
-            let lags =
-                graph.parents(child).iter().filter(|parent| parent.var == var).map(|parent| parent.lag);
-            let steps = lags
-                .map(|lag| start + lag)
-                .filter(|&step| step < schedule.steps() && !schedule.is_set(step, child));
-            steps.min().map(|step| (step, child))
+            let own = graph.parents(child).iter().filter(|parent| parent.var == var);
+            let free = |&step: &usize| step < schedule.steps() && !schedule.is_set(step, child);
+            let first = own.map(|parent| start + parent.lag).filter(free).min();
+            first.map(|step| (step, child))
         };
         let children: Vec<(usize, usize)> =
             (0..graph.len()).filter(|&child| child != var).filter_map(acts).collect();
         let Some(step) = children.iter().map(|(step, _)| *step).min() else { continue };
-        for (_, child) in children.iter().filter(|(at, _)| *at == step) {
-            if paths.share_outside(step, bit(*child)) > REFUSED {
-                return Some(far(model, past, paths, (step, *child), true));
-            }
+        let leaves =
+            |&&(at, child): &&(usize, usize)| at == step && paths.share_outside(step, bit(child)) > REFUSED;
+        if let Some(place) = children.iter().find(leaves) {
+            return Some(far(model, past, paths, *place, true));
         }
     }
     None

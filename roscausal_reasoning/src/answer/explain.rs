@@ -131,17 +131,14 @@ pub fn explain(
     }
     contributions.sort_by(|a, b| b.value.abs().total_cmp(&a.value.abs()));
     let expected = average(&|parts| parts.expected);
-    let strongest = contributions.first().and_then(|c| names.iter().position(|name| *name == c.variable));
-    let depends = strongest.and_then(|var| {
+    let place = |of: &Contribution| names.iter().position(|name| *name == of.variable);
+    let depends = contributions.first().and_then(place).and_then(|var| {
         let effects: Vec<f64> =
             all.iter().map(|members| mean(members, &|parts| parts.surprises[var])).collect();
         ambiguity::sentence(model, &effects, TOLD * change.abs())
     });
-    let path = contributions
-        .iter()
-        .find(|c| c.variable != names[y])
-        .and_then(|c| names.iter().position(|name| *name == c.variable));
-    let path = path.map(|from| caveats::strongest_path(model, from, y)).unwrap_or_default();
+    let other = contributions.iter().find(|c| c.variable != names[y]).and_then(place);
+    let path = other.map(|other| caveats::strongest_path(model, other, y)).unwrap_or_default();
     let mut caveats = vec![
         "a surprise is what a variable did beyond its own equation; what caused the surprise itself is not in the data".to_owned(),
     ];
@@ -234,12 +231,8 @@ fn lacking(model: &Directed, y: usize) -> Option<String> {
 
 /// The parts by each refit.
 fn parts_of(model: &Directed, rows: &[f64], from: usize, y: usize, seed: u64) -> Vec<Parts> {
-    let of = |system: &System| match system
-        .equations
-        .iter()
-        .flatten()
-        .all(|equation| equation.process.is_none())
-    {
+    let is_linear = |system: &System| system.equations.iter().flatten().all(|one| one.process.is_none());
+    let of = |system: &System| match is_linear(system) {
         true => linear(system, rows, from, y),
         false => shapley(system, rows, from, y, seed),
     };
@@ -259,9 +252,7 @@ fn words(
         return format!("{amount} is its own");
     }
     let system = &model.members()[0].model.system;
-    let n = system.len();
-    let noise = system.noise(rows, memory);
-    let surprise: f64 = noise.iter().skip(var).step_by(n).sum();
+    let surprise: f64 = system.noise(rows, memory).iter().skip(var).step_by(system.len()).sum();
     let how = if surprise < 0.0 { "smaller" } else { "larger" };
     format!("{amount} because {} was {how} than expected", model.graph().names()[var])
 }
@@ -283,16 +274,12 @@ fn sentence(
     };
     let verb = if change < 0.0 { "fell" } else { "rose" };
     let sign = if change < 0.0 { -1.0 } else { 1.0 };
-    let mut parts: Vec<String> = contributions
-        .iter()
-        .filter(|c| c.value.abs() > TOLD * change.abs())
-        .map(|c| c.text.clone())
-        .collect();
+    let told = contributions.iter().filter(|c| c.value.abs() > TOLD * change.abs());
+    let mut parts: Vec<String> = told.map(|c| c.text.clone()).collect();
     parts.push(format!("{} was to be expected", short(expected * sign)));
-    let path = if path.is_empty() {
-        String::new()
-    } else {
-        format!(" Strongest path: {}.", caveats::arrows(model, path))
+    let path = match path {
+        [] => String::new(),
+        path => format!(" Strongest path: {}.", caveats::arrows(model, path)),
     };
     let size = with_unit(model, y, change.abs());
     format!("{name} {verb} by {size} {when} ({}): {}.{path}", steps(model, to - from), parts.join(", "))

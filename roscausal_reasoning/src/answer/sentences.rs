@@ -46,6 +46,11 @@ pub(super) fn listed(names: &[String]) -> String {
     }
 }
 
+/// The names of variables, [`listed`].
+pub(super) fn named(model: &StructuralModel, vars: &[usize]) -> String {
+    listed(&vars.iter().map(|&var| model.graph().names()[var].clone()).collect::<Vec<_>>())
+}
+
 /// `r_v has no effect on h_risk and d within 10 steps (3 s): the graph has no path`.
 pub(super) fn no_effect(
     model: &StructuralModel,
@@ -53,11 +58,8 @@ pub(super) fn no_effect(
     effects: &[usize],
     within: usize,
 ) -> String {
-    let named = |vars: &[usize]| {
-        listed(&vars.iter().map(|&var| model.graph().names()[var].clone()).collect::<Vec<_>>())
-    };
     let verb = if causes.len() == 1 { "has" } else { "have" };
-    let (causes, effects, within) = (named(causes), named(effects), steps(model, within));
+    let (causes, effects, within) = (named(model, causes), named(model, effects), steps(model, within));
     format!("{causes} {verb} no effect on {effects} within {within}: the graph has no path")
 }
 

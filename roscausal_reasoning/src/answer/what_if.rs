@@ -67,12 +67,8 @@ pub fn what_if_until(
         return refuse(Status::Late, reason.to_owned());
     }
     let plan = Plan::of(model, &asked, &all, question.horizon);
-    let refused = |k: usize| {
-        all[k]
-            .refused
-            .as_ref()
-            .filter(|_| !question.allow_extrapolation || model_lacks(model, &asked.actions[k].1, &needed))
-    };
+    let stands = |k: usize| !question.allow_extrapolation || model_lacks(model, &asked.actions[k].1, &needed);
+    let refused = |k: usize| all[k].refused.as_ref().filter(|_| stands(k));
     let ranked = !asked.targets().is_empty();
     let mut depends = None;
     let mut outlooks = Vec::new();
@@ -91,10 +87,8 @@ pub fn what_if_until(
             }
         };
         if let (Some(baseline), None, false) = (&baseline, &depends, schedule.is_free()) {
-            depends = asked
-                .variables
-                .iter()
-                .find_map(|&var| depends_on_link(model, &all[k], baseline, schedule, var));
+            let on_link = |&var: &usize| depends_on_link(model, &all[k], baseline, schedule, var);
+            depends = asked.variables.iter().find_map(on_link);
         }
         outlooks.push(outlook);
     }
@@ -103,9 +97,8 @@ pub fn what_if_until(
         let named = if question.variables.is_empty() { &[][..] } else { &asked.variables };
         let moved = asked.actions.iter().map(|(_, schedule)| moved(model, schedule, question.horizon));
         let moved: Vec<Vec<bool>> = moved.collect();
-        let effects: Vec<usize> = named.iter().copied().chain(asked.targets()).collect();
-        let effects: Vec<usize> =
-            effects.into_iter().filter(|&var| moved.iter().any(|moved| moved[var])).collect();
+        let is_moved = |var: &usize| moved.iter().any(|moved| moved[*var]);
+        let effects: Vec<usize> = named.iter().copied().chain(asked.targets()).filter(is_moved).collect();
         caveats::shared_by(model, &acting, &effects)
     });
     let reasons: Vec<&String> = (0..all.len()).filter_map(refused).collect();
@@ -149,10 +142,8 @@ impl Outlook {
 /// Why the data carry no step of any action, if they carry none.
 fn no_step(all: &[Outcomes]) -> Option<String> {
     let first = all.first().filter(|_| all.iter().all(|one| one.supported == 0))?;
-    let reason = first.refused.clone().or_else(|| first.unseen.clone());
-    Some(
-        reason.unwrap_or_else(|| "the data carry no step of any action; ask about another moment".to_owned()),
-    )
+    let unknown = || "the data carry no step of any action; ask about another moment".to_owned();
+    Some(first.refused.clone().or_else(|| first.unseen.clone()).unwrap_or_else(unknown))
 }
 
 /// By variable: whether the answer is about it, or about something that it drives.
@@ -220,10 +211,9 @@ fn rows_there(
     };
     for row in now + 1 - memory..=last {
         if let Some(var) = (0..n).find(|&var| !situation.rows[[row, var]].is_finite() && read(row, var)) {
-            let message = format!(
-                "{} is missing in row {row}, which the answer needs; ask for another time",
-                names[var]
-            );
+            let name = &names[var];
+            let message =
+                format!("{name} is missing in row {row}, which the answer needs; ask for another time");
             return Err((Status::NoData, message));
         }
     }
@@ -246,6 +236,7 @@ fn outlook(
         // A speed or a distance: what was never below 0 does not go there.
         let is_positive = model.samples().range(var).is_some_and(|(low, _)| low >= 0.0);
         let floor = |value: f64| if is_positive { value.max(0.0) } else { value };
+        let is_forecast = |step: usize| !schedule.is_set(step, var) && !question.counterfactual;
         let mut forecast = Forecast { variable: model.graph().names()[var].clone(), ..Forecast::default() };
         for step in 0..steps {
             let (mut means, mut medians) = (0.0, 0.0);
@@ -256,12 +247,8 @@ fn outlook(
                     true => outcome.paths.of_refits(step, var, model.settings().interval),
                     false => outcome.paths.quantiles(step, var, shares),
                 };
-                let wider = match &member.quality {
-                    Some(quality) if !schedule.is_set(step, var) && !question.counterfactual => {
-                        quality.widening(step, var)
-                    }
-                    _ => 0.0,
-                };
+                let quality = member.quality.as_ref().filter(|_| is_forecast(step));
+                let wider = quality.map_or(0.0, |quality| quality.widening(step, var));
                 let (by, inner_by) = (wider * (high - low), wider * (inner_high - inner_low));
                 means += outcome.mean[step * n + var];
                 medians += median;
@@ -279,10 +266,7 @@ fn outlook(
             forecast.median.push(within(medians / members));
             forecast.inner_lower.push(within(inner_lower));
             forecast.inner_upper.push(within(inner_upper));
-            let quality = model.members()[0]
-                .quality
-                .as_ref()
-                .filter(|_| !schedule.is_set(step, var) && !question.counterfactual);
+            let quality = model.members()[0].quality.as_ref().filter(|_| is_forecast(step));
             forecast.skill.push(quality.and_then(|quality| quality.skill(step, var)));
         }
         forecast
@@ -324,22 +308,12 @@ fn text(
     plan: Option<(&Plan, usize)>,
 ) -> String {
     let last = question.answered_steps(outlook.supported_steps) - 1;
-    let free: Vec<(usize, &Forecast)> = variables
-        .iter()
-        .copied()
-        .zip(&outlook.forecasts)
-        .filter(|(var, _)| !schedule.is_set(last, *var))
-        .collect();
-    let one = |(var, forecast): &(usize, &Forecast)| {
-        let now = situation.rows[[situation.now, *var]];
-        format!(
-            "{} {} -> {} ({} to {})",
-            forecast.variable,
-            short(now),
-            with_unit(model, *var, forecast.mean[last]),
-            short(forecast.lower[last]),
-            short(forecast.upper[last])
-        )
+    let all = variables.iter().copied().zip(&outlook.forecasts);
+    let free: Vec<(usize, &Forecast)> = all.filter(|(var, _)| !schedule.is_set(last, *var)).collect();
+    let one = |(var, Forecast { variable, mean, lower, upper, .. }): &(usize, &Forecast)| {
+        let [now, lower, upper] =
+            [situation.rows[[situation.now, *var]], lower[last], upper[last]].map(short);
+        format!("{variable} {now} -> {} ({lower} to {upper})", with_unit(model, *var, mean[last]))
     };
     let parts: Vec<String> = free.iter().map(one).collect();
     let when = steps(model, last + 1);
@@ -360,19 +334,14 @@ fn text(
     let without: Vec<String> =
         free.iter().filter(no_skill).map(|(_, forecast)| forecast.variable.clone()).collect();
     if !without.is_empty() {
-        let verb = if without.len() == 1 { "is" } else { "are" };
+        let (without, verb) = (listed(&without), if without.len() == 1 { "is" } else { "are" });
         sentences.push(format!(
-            "{} {verb} at some of these steps not forecast better than by the last value",
-            listed(&without)
+            "{without} {verb} at some of these steps not forecast better than by the last value"
         ));
     }
     if let Some((plan, k)) = plan {
-        let mut cost = format!(
-            "Cost {} ({} to {})",
-            short(outlook.cost),
-            short(outlook.cost_lower),
-            short(outlook.cost_upper)
-        );
+        let [mean, low, high] = [outlook.cost, outlook.cost_lower, outlook.cost_upper].map(short);
+        let mut cost = format!("Cost {mean} ({low} to {high})");
         if plan.steps < question.horizon {
             cost += &format!(" over {}", steps(model, plan.steps));
         }

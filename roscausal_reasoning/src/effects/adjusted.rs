@@ -68,18 +68,18 @@ pub fn wright(samples: &Samples, graph: &Graph, x: Node, y: Node, found: &Adjust
     // In time, and within a moment causes first.
     let place = |var: usize| graph.order().iter().position(|&v| v == var);
     on_paths.sort_by_key(|node| (std::cmp::Reverse(node.lag), place(node.var)));
-    let mut nodes: Vec<Node> = on_paths.clone();
-    for &node in &on_paths {
-        nodes.extend(graph.parents(node.var).iter().map(|parent| parent.shifted(node.lag)));
-    }
+    let parents = |node: Node| -> Vec<Node> {
+        graph.parents(node.var).iter().map(|parent| parent.shifted(node.lag)).collect()
+    };
+    let mut nodes = on_paths.clone();
+    nodes.extend(on_paths.iter().flat_map(|&node| parents(node)));
     nodes.sort_unstable();
     nodes.dedup();
     let columns = Columns::of(samples, nodes, first, &[]);
     let sums = columns.products.whole();
     let mut effects = vec![(x, 1.0)];
     for &node in &on_paths {
-        let parents: Vec<Node> =
-            graph.parents(node.var).iter().map(|parent| parent.shifted(node.lag)).collect();
+        let parents = parents(node);
         let positions: Vec<usize> = parents.iter().map(|&parent| columns.position(parent)).collect();
         let (coefficients, _) = sums.regress(columns.position(node), &positions);
         let of = |parent: &Node| {

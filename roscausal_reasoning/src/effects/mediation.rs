@@ -86,12 +86,11 @@ impl Columns {
         let mut intercepts = vec![0.0; n];
         let means = &self.products.means;
         for &var in variables {
-            let target = self.position(Node::new(var, 0));
-            let columns: Vec<usize> =
-                graph.parents(var).iter().map(|&parent| self.position(parent)).collect();
+            let (target, parents) = (self.position(Node::new(var, 0)), graph.parents(var));
+            let columns: Vec<usize> = parents.iter().map(|&parent| self.position(parent)).collect();
             let (found, _) = sums.regress(target, &columns);
             intercepts[var] = means[target];
-            for ((parent, &column), b) in graph.parents(var).iter().zip(&columns).zip(found) {
+            for ((parent, &column), b) in parents.iter().zip(&columns).zip(found) {
                 let deviation = sums.deviation(target);
                 let unit =
                     if standardise && deviation > 0.0 { sums.deviation(column) / deviation } else { 1.0 };
@@ -142,15 +141,11 @@ impl Mediation {
     /// The effects of known equations.
     pub fn of(system: LinearSystem, horizon: usize) -> Self {
         let total = system.effects(horizon);
-        let mediated = (0..system.len())
-            .map(|k| {
-                total
-                    .iter()
-                    .zip(system.effects_around(k, horizon))
-                    .map(|(all, around)| all - &around)
-                    .collect()
-            })
-            .collect();
+        let through = |k: usize| {
+            let around = system.effects_around(k, horizon);
+            total.iter().zip(&around).map(|(all, around)| all - around).collect()
+        };
+        let mediated = (0..system.len()).map(through).collect();
         Self { system, total, mediated }
     }
 
@@ -197,10 +192,10 @@ pub(super) fn columns_for(
     let columns = Columns::new(samples, graph, variables, horizon);
     let most = variables.iter().map(|&var| graph.parents(var).len()).max().unwrap_or(0);
     if !variables.is_empty() && columns.products.n < most + 2 {
-        return Err(Error::Data(format!(
-            "{} complete rows are too few for equations of {most} parents; record longer",
-            columns.products.n
-        )));
+        let rows = columns.products.n;
+        let reason =
+            format!("{rows} complete rows are too few for equations of {most} parents; record longer");
+        return Err(Error::Data(reason));
     }
     Ok(columns)
 }

@@ -101,7 +101,6 @@ pub fn adjustment(graph: &Graph, x: &[Node], y: Node) -> Adjustment {
     let x: Vec<Node> = x.iter().copied().filter(|node| node.var < graph.len()).collect();
     let window = x.iter().map(|node| node.lag).max().unwrap_or(0).max(y.lag) + graph.largest_lag();
     let nodes = Nodes { graph, window };
-    let nothing = nodes.set(&[]);
     let none = Adjustment { causal_path: false, window, mediators: Vec::new(), set: Some(Vec::new()) };
     if y.var >= graph.len() || x.contains(&y) {
         return none;
@@ -117,7 +116,7 @@ pub fn adjustment(graph: &Graph, x: &[Node], y: Node) -> Adjustment {
     let between: Set = (0..wall.len()).map(|index| from_x[index] && to_y[index] && !at_end(index)).collect();
     let mediators = nodes.list(&between);
     let ends: Vec<Node> = mediators.iter().copied().chain([y]).collect();
-    let mut forbidden = nodes.reach(&ends, &nothing, |node| nodes.children(node));
+    let mut forbidden = nodes.reach(&ends, &nodes.set(&[]), |node| nodes.children(node));
     let valid = !x.iter().any(|&node| forbidden[nodes.index(node)]);
     x.iter().for_each(|&node| forbidden[nodes.index(node)] = true);
     let mut set = nodes.set(&[]);

@@ -70,43 +70,40 @@ impl Graph {
     /// above the largest, a link twice, a circle of links at lag 0.
     pub fn new(names: Vec<String>, largest_lag: usize, arrows: &[Arrow], pairs: &[Pair]) -> Result<Self> {
         let n = names.len();
+        let refused = |reason: String| Err(Error::param("graph", reason));
         if n == 0 {
-            return Err(Error::param("graph", "it has no variable"));
+            return refused("it has no variable".into());
         }
         if largest_lag > MOST_LAGS {
-            let reason = format!("a largest lag of {largest_lag} is too large; lags are 0 to {MOST_LAGS}");
-            return Err(Error::param("graph", reason));
+            return refused(format!(
+                "a largest lag of {largest_lag} is too large; lags are 0 to {MOST_LAGS}"
+            ));
         }
         if n.saturating_mul(n).saturating_mul(largest_lag + 1) > MOST_PLACES {
-            let reason = format!(
+            return refused(format!(
                 "{n} variables with lags up to {largest_lag} are too many to reason on; leave some out"
-            );
-            return Err(Error::param("graph", reason));
+            ));
         }
         check_names(&names).map_err(|error| Error::param("graph", error))?;
         let twice = |cause: usize, effect: usize, lag: usize| {
             let (cause, effect) = (quoted(&names[cause]), quoted(&names[effect]));
-            let reason = format!("the link {cause} -> {effect} at lag {lag} is there twice; keep one");
-            Err(Error::param("graph", reason))
+            refused(format!("the link {cause} -> {effect} at lag {lag} is there twice; keep one"))
         };
         let mut parents = vec![Vec::new(); n];
         for &Arrow { cause, effect, lag } in arrows {
             if cause >= n || effect >= n {
-                let reason = format!("link {cause} -> {effect}: variables are 0 to {}", n - 1);
-                return Err(Error::param("graph", reason));
+                return refused(format!("link {cause} -> {effect}: variables are 0 to {}", n - 1));
             }
             if lag > largest_lag || (lag == 0 && cause == effect) {
                 let (cause, effect) = (quoted(&names[cause]), quoted(&names[effect]));
-                let reason = format!(
+                return refused(format!(
                     "link {cause} -> {effect} at lag {lag}: lags are 0 to {largest_lag}, and above 0 for a variable on itself"
-                );
-                return Err(Error::param("graph", reason));
+                ));
             }
             parents[effect].push(Node::new(cause, lag));
         }
         if let Some(pair) = pairs.iter().find(|pair| pair.a >= n || pair.b >= n || pair.a == pair.b) {
-            let reason = format!("pair {} - {}: two of the variables 0 to {}", pair.a, pair.b, n - 1);
-            return Err(Error::param("graph", reason));
+            return refused(format!("pair {} - {}: two of the variables 0 to {}", pair.a, pair.b, n - 1));
         }
         let either_way = |a: usize, b: usize| (a.min(b), a.max(b));
         let mut open = HashSet::new();
@@ -125,8 +122,7 @@ impl Graph {
             }
         }
         let Some(order) = order(&parents) else {
-            let reason = "its links at lag 0 go round in a circle; turn or remove one of them";
-            return Err(Error::param("graph", reason));
+            return refused("its links at lag 0 go round in a circle; turn or remove one of them".into());
         };
         Ok(Self { names, largest_lag, parents, pairs: pairs.to_vec(), order })
     }
@@ -141,20 +137,12 @@ impl Graph {
             model.features.iter().filter(|name| !context.contains(name)).cloned().collect();
         let (mut arrows, mut pairs, mut open) = (Vec::new(), Vec::new(), HashSet::new());
         let places: HashMap<&String, usize> = names.iter().zip(0..).collect();
-        for link in model
-            .links
-            .iter()
-            .filter(|link| !context.contains(&link.cause) && !context.contains(&link.effect))
-        {
-            let find = |name: &String| {
-                let missing = || {
-                    Error::param(
-                        "model",
-                        format!("a link names {}, which is none of its features", quoted(name)),
-                    )
-                };
-                places.get(name).copied().ok_or_else(missing)
-            };
+        let find = |name: &String| {
+            let reason = || format!("a link names {}, which is none of its features", quoted(name));
+            places.get(name).copied().ok_or_else(|| Error::param("model", reason()))
+        };
+        let of_system = |link: &&Link| !context.contains(&link.cause) && !context.contains(&link.effect);
+        for link in model.links.iter().filter(of_system) {
             let (cause, effect) = (find(&link.cause)?, find(&link.effect)?);
             match link.mark {
                 _ if is_no_plain_cause(link) => {}

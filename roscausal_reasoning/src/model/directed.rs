@@ -123,9 +123,9 @@ impl Directed {
             let known = known.map(|known| known.get(var).copied().flatten());
             fit(samples, &moments, (var, &graph.names()[var]), graph.parents(var), settings.equations, known)
         };
-        let fits: Vec<_> = (0..graph.len()).into_par_iter().map(equation).collect();
-        if fits.iter().all(std::result::Result::is_err) {
-            let first = fits.into_iter().find_map(std::result::Result::err).unwrap_or_default();
+        let fits: Vec<Found> = (0..graph.len()).into_par_iter().map(equation).collect();
+        if fits.iter().all(Found::is_err) {
+            let first = fits.into_iter().find_map(Found::err).unwrap_or_default();
             return Err(Error::Data(first));
         }
         let support = |fitted: &Fitted| {
@@ -134,23 +134,17 @@ impl Directed {
             Support::new(&fitted.columns.iter().map(pick).collect::<Vec<_>>(), NEIGHBOURS)
         };
         let supports = fits.par_iter().map(|fit| fit.as_ref().ok().map(support)).collect();
+        let equation = |fit: &Found| fit.as_ref().ok().map(|fit| fit.equation.clone());
+        let stretches = stretches(samples, &moments);
         Ok(Self {
-            system: system(
-                graph,
-                fits.iter().map(|fit| fit.as_ref().ok().map(|fit| fit.equation.clone())).collect(),
-            ),
-            members: members(graph, &fits, samples, &moments, settings)?,
+            system: system(graph, fits.iter().map(equation).collect()),
+            members: members(graph, &fits, &stretches, settings)?,
             summaries: fits.iter().map(|fit| summary(graph, fit)).collect(),
             noise: Noise::new(&fits, moments.len()),
             deviations: deviations(samples),
             graph: graph.clone(),
             supports,
-            draws: Draws {
-                stretches: stretches(samples, &moments),
-                settings: settings.clone(),
-                fits,
-                made: OnceLock::new(),
-            },
+            draws: Draws { fits, stretches, settings: settings.clone(), made: OnceLock::new() },
         })
     }
 
@@ -165,10 +159,13 @@ impl Directed {
     }
 }
 
+/// An equation, or why there is none.
+type Found = std::result::Result<Fitted, String>;
+
 /// What draws of the equations are made of.
 #[derive(Debug)]
 struct Draws {
-    fits: Vec<std::result::Result<Fitted, String>>,
+    fits: Vec<Found>,
     /// Moments by recording.
     stretches: Vec<usize>,
     settings: Settings,
@@ -177,7 +174,7 @@ struct Draws {
 
 impl Draws {
     fn make(&self, graph: &Graph) -> Result<Vec<System>> {
-        let of = |fit: &std::result::Result<Fitted, String>| fit.as_ref().ok().and_then(Fitted::scaled);
+        let of = |fit: &Found| fit.as_ref().ok().and_then(Fitted::scaled);
         let processes: Vec<_> = self.fits.par_iter().map(of).collect();
         let mut posteriors = Vec::new();
         for of in &processes {
@@ -189,11 +186,10 @@ impl Draws {
         let one = |b: usize| {
             let counts = counts(&self.stretches, &self.settings, b);
             let equation = |var: usize| {
+                let Ok(fit) = &self.fits[var] else { return Ok(None) };
                 let seed = random::at(random::at(self.settings.seed, b / 2, 7), var, 0);
                 let of = posteriors[var].as_ref().map(|(used, posterior)| (*used, posterior));
-                self.fits[var]
-                    .as_ref()
-                    .map_or(Ok(None), |fit| Ok(Some(Arc::new(fit.drawn(&counts, of, (seed, b % 2 == 1))?))))
+                Ok(Some(Arc::new(fit.drawn(&counts, of, (seed, b % 2 == 1))?)))
             };
             Ok(system(graph, (0..self.fits.len()).map(equation).collect::<Result<_>>()?))
         };
@@ -224,17 +220,10 @@ fn counts(stretches: &[usize], settings: &Settings, b: usize) -> Vec<u32> {
 }
 
 /// Refits on moving-block bootstraps of the moments.
-fn members(
-    graph: &Graph,
-    fits: &[std::result::Result<Fitted, String>],
-    samples: &Samples,
-    moments: &[Moment],
-    settings: &Settings,
-) -> Result<Vec<System>> {
-    let stretches = stretches(samples, moments);
+fn members(graph: &Graph, fits: &[Found], stretches: &[usize], settings: &Settings) -> Result<Vec<System>> {
     let member = |b: usize| {
-        let counts = counts(&stretches, settings, b);
-        let equation = |fit: &std::result::Result<Fitted, String>| match fit {
+        let counts = counts(stretches, settings, b);
+        let equation = |fit: &Found| match fit {
             Ok(fit) => fit.resampled(&counts).map(|equation| Some(Arc::new(equation))),
             Err(_) => Ok(None),
         };
@@ -243,7 +232,7 @@ fn members(
     (0..settings.members).into_par_iter().map(member).collect()
 }
 
-fn summary(graph: &Graph, fit: &std::result::Result<Fitted, String>) -> Summary {
+fn summary(graph: &Graph, fit: &Found) -> Summary {
     match fit {
         Err(reason) => Summary { missing: Some(reason.clone()), ..Summary::default() },
         Ok(fit) => Summary {
@@ -272,7 +261,7 @@ fn deviations(samples: &Samples) -> Vec<f64> {
 }
 
 impl Noise {
-    fn new(fits: &[std::result::Result<Fitted, String>], moments: usize) -> Self {
+    fn new(fits: &[Found], moments: usize) -> Self {
         let n = fits.len();
         let residual = |var: usize, m: usize| fits[var].as_ref().map_or(0.0, |fit| fit.residuals[m]);
         let whole = |&m: &usize| (0..n).all(|var| residual(var, m).is_finite());
@@ -286,12 +275,10 @@ impl Noise {
         let column = |var: usize| rows.iter().skip(var).step_by(n).copied().collect::<Vec<f64>>();
         let columns: Vec<Vec<f64>> = (0..n).map(column).collect();
         let mut shared = Vec::new();
-        for a in 0..n {
-            for b in a + 1..n {
-                let r = correlation(&columns[a], &columns[b]);
-                if joint && r.abs() > SHARED {
-                    shared.push((a, b, r));
-                }
+        for (a, b) in (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))) {
+            let r = correlation(&columns[a], &columns[b]);
+            if joint && r.abs() > SHARED {
+                shared.push((a, b, r));
             }
         }
         Self { n, rows, joint, own, shared }

@@ -111,11 +111,10 @@ pub(crate) fn fit(
 ) -> std::result::Result<Fitted, String> {
     let rows: Vec<usize> = (0..moments.len()).filter(|&m| samples.trains(moments[m], var, parents)).collect();
     let needed = FEWEST_ROWS.max(ROWS_PER_COEFFICIENT * (parents.len() + 1));
-    if rows.len() < needed {
+    let (complete, count) = (rows.len(), parents.len());
+    if complete < needed {
         return Err(format!(
-            "the equation of {name} has {} complete rows and needs {needed} for its {} parents (too few rows); record longer",
-            rows.len(),
-            parents.len()
+            "the equation of {name} has {complete} complete rows and needs {needed} for its {count} parents (too few rows); record longer"
         ));
     }
     let value = |node: Node| rows.iter().map(|&m| samples.at(moments[m], node)).collect::<Vec<f64>>();
@@ -147,9 +146,8 @@ pub(crate) fn fit(
         let thinned: Vec<usize> = thin(rows.len(), GP_ROWS).collect();
         let square = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
         let by_line = square(&mut thinned.iter().filter(|i| !alone[**i]).map(|&i| own[i]));
-        let by_process = square(
-            &mut thinned.iter().zip(&without).filter(|(i, _)| !alone[**i]).map(|(_, residual)| *residual),
-        );
+        let left = thinned.iter().zip(&without).filter(|(i, _)| !alone[**i]);
+        let by_process = square(&mut left.map(|(_, residual)| *residual));
         if known.is_some() || kind == Equations::Gp || by_process < WORTH_IT * by_line {
             let optimum = process.optimum();
             hyperparameters = Some((optimum.length_scale, optimum.noise));

@@ -136,19 +136,16 @@ impl StructuralModel {
         check_nesting(text.as_bytes()).map_err(|e| broken(&e))?;
         let head: Head = serde_json::from_str(text).map_err(|e| broken(&reason_of(e)))?;
         if head.schema != SCHEMA {
-            return Err(broken(&format!(
-                "its schema is {}; fit it anew with this version",
-                quoted(&head.schema)
-            )));
+            let schema = quoted(&head.schema);
+            return Err(broken(&format!("its schema is {schema}; fit it anew with this version")));
         }
         let file: File = serde_json::from_str(text).map_err(|e| broken(&reason_of(e)))?;
         file.check().map_err(|reason| broken(&reason))?;
         let n = file.variables.len();
         let find = |name: &str| {
             let position = file.variables.iter().position(|variable| variable == name);
-            position.ok_or_else(|| {
-                broken(&format!("a link names {}, which is none of its variables", quoted(name)))
-            })
+            let reason = || format!("a link names {}, which is none of its variables", quoted(name));
+            position.ok_or_else(|| broken(&reason()))
         };
         let (mut arrows, mut pairs) = (Vec::new(), Vec::new());
         for Link { cause, effect, lag, mark } in &file.links {
@@ -159,10 +156,8 @@ impl StructuralModel {
                     pairs.push(Pair { a: cause, b: effect, conflict: *mark == LinkMark::Conflict })
                 }
                 mark => {
-                    return Err(broken(&format!(
-                        "{} at lag {lag} is not a mark of a link",
-                        quoted(mark.symbol())
-                    )));
+                    let mark = quoted(mark.symbol());
+                    return Err(broken(&format!("{mark} at lag {lag} is not a mark of a link")));
                 }
             }
         }
@@ -181,25 +176,22 @@ impl StructuralModel {
             Some(marks)
         };
         let imposed: Option<Vec<Array2<bool>>> = file.imposed.iter().enumerate().map(marks).collect();
-        let masked: Option<Vec<Vec<bool>>> = values
-            .iter()
-            .enumerate()
-            .map(|(k, values)| {
-                let rows = file.masked.get(k).map_or(&[][..], Vec::as_slice);
-                let mut marks = vec![false; if rows.is_empty() { 0 } else { values.nrows() }];
-                for &row in rows {
-                    *marks.get_mut(row)? = true;
-                }
-                Some(marks)
-            })
-            .collect();
+        let masks = |(k, values): (usize, &Array2<f64>)| {
+            let rows = file.masked.get(k).map_or(&[][..], Vec::as_slice);
+            let mut marks = vec![false; if rows.is_empty() { 0 } else { values.nrows() }];
+            for &row in rows {
+                *marks.get_mut(row)? = true;
+            }
+            Some(marks)
+        };
+        let masked: Option<Vec<Vec<bool>>> = values.iter().enumerate().map(masks).collect();
         let samples =
             imposed.zip(masked).and_then(|(imposed, masked)| Samples::with_marks(values, imposed, masked));
         let samples = samples.ok_or_else(|| broken(&"its marks of rows do not match its rows"))?;
         let graph = Graph::new(file.variables, file.largest_lag, &arrows, &pairs)?;
-        let kept = file.members.into_iter().map(|member| {
-            (member.equations.iter().map(|equation| equation.process).collect(), member.quality)
-        });
+        let processes =
+            |member: &MemberFile| member.equations.iter().map(|equation| equation.process).collect();
+        let kept = file.members.into_iter().map(|member| (processes(&member), member.quality));
         Self::restored(samples, graph, file.settings, file.facts, kept.collect())
     }
 }

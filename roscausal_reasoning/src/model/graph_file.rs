@@ -1,6 +1,6 @@
 //! A graph from JSON: a model that discovery wrote, or one written by hand.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use roscausal_discovery::{
     Error, LinkMark, Model, Result,
@@ -26,7 +26,7 @@ struct ByHand {
     variables: Vec<String>,
     links: Vec<Link>,
     #[serde(default)]
-    units: std::collections::BTreeMap<String, String>,
+    units: BTreeMap<String, String>,
     dt: Option<f64>,
 }
 
@@ -93,10 +93,8 @@ pub fn graph_of_json(text: &str, context: &[String]) -> Result<(Graph, Facts)> {
                 pairs.push(Pair { a: cause, b: effect, conflict: mark == LinkMark::Conflict });
             }
             (mark, lag) => {
-                let reason = format!(
-                    "{} at lag {lag}: a link is -->, or at lag 0 also o-o or x-x",
-                    quoted(mark.symbol())
-                );
+                let mark = quoted(mark.symbol());
+                let reason = format!("{mark} at lag {lag}: a link is -->, or at lag 0 also o-o or x-x");
                 return Err(Error::param("mark", reason));
             }
         }

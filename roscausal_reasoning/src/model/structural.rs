@@ -1,6 +1,6 @@
 //! The structural model: a graph, the rows it was fitted on, and one set of equations for each graph that it may stand for.
 
-use roscausal_discovery::{DataFrame, Error, Model, Result, methods::Status};
+use roscausal_discovery::{DataFrame, Error, Link, Model, Result, methods::Status};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -8,7 +8,7 @@ use super::{
     equation::Hyperparameters,
 };
 use crate::{
-    graph::{Graph, is_no_plain_cause},
+    graph::{Graph, Orientation, is_no_plain_cause},
     quality::Quality,
     samples::{ActsOn, Samples},
 };
@@ -50,20 +50,13 @@ impl Facts {
         if model.status != Status::Complete {
             warnings.push(format!("the model is {}: links may be missing", model.status));
         }
-        let left_out = |link: &&roscausal_discovery::Link| is_no_plain_cause(link);
-        warnings.extend(model.links.iter().filter(left_out).map(|link| {
-            format!(
-                "the link {} {} {} at lag {} is left out ({}): effects along it are not in the answer",
-                link.cause,
-                link.mark,
-                link.effect,
-                link.lag,
-                link.sentence()
-            )
-        }));
-        let p_value = |link: &roscausal_discovery::Link| {
-            Some((link.cause.clone(), link.effect.clone(), link.lag, link.p_value?))
-        };
+        for link in model.links.iter().filter(|link| is_no_plain_cause(link)) {
+            let (Link { cause, mark, effect, lag, .. }, why) = (link, link.sentence());
+            warnings.push(format!(
+                "the link {cause} {mark} {effect} at lag {lag} is left out ({why}): effects along it are not in the answer"
+            ));
+        }
+        let p_value = |link: &Link| Some((link.cause.clone(), link.effect.clone(), link.lag, link.p_value?));
         Self {
             dt: model.dt,
             method: format!("{} with {}", model.method, model.cond_ind_test),
@@ -136,25 +129,14 @@ impl StructuralModel {
     /// Those of [`StructuralModel::fit`].
     pub fn of_samples(samples: Samples, graph: &Graph, settings: &Settings) -> Result<Self> {
         settings.check()?;
-        let quality = |graph: &Graph| {
-            if settings.check { Quality::measure(&samples, graph, settings) } else { None }
-        };
-        let member = |one: crate::graph::Orientation| {
-            Ok(Member {
-                model: Directed::fit(&samples, &one.graph, settings, None)?,
-                quality: quality(&one.graph),
-                against_the_rule: one.against_the_rule,
-                turned: one.turned,
-            })
+        let member = |Orientation { graph, turned, against_the_rule }: Orientation| {
+            let model = Directed::fit(&samples, &graph, settings, None)?;
+            let quality = if settings.check { Quality::measure(&samples, &graph, settings) } else { None };
+            Ok(Member { turned, against_the_rule, model, quality })
         };
         let members = graph.orientations()?.into_iter().map(member).collect::<Result<_>>()?;
-        Ok(Self {
-            graph: graph.clone(),
-            samples,
-            settings: settings.clone(),
-            members,
-            facts: Facts::default(),
-        })
+        let (graph, settings) = (graph.clone(), settings.clone());
+        Ok(Self { graph, samples, settings, members, facts: Facts::default() })
     }
 
     /// From parts that a file keeps: the hyperparameters and the quality are taken, the rest is fitted anew.
@@ -171,13 +153,10 @@ impl StructuralModel {
             let reason = "the structural model's equations do not match its graph; fit it anew";
             return Err(Error::Data(reason.into()));
         }
-        let member = |(one, (known, quality)): (crate::graph::Orientation, (Vec<_>, _))| {
-            Ok(Member {
-                model: Directed::fit(&samples, &one.graph, &settings, Some(&known))?,
-                quality,
-                against_the_rule: one.against_the_rule,
-                turned: one.turned,
-            })
+        let member = |(one, (known, quality)): (Orientation, (Vec<_>, _))| {
+            let Orientation { graph, turned, against_the_rule } = one;
+            let model = Directed::fit(&samples, &graph, &settings, Some(&known))?;
+            Ok(Member { turned, against_the_rule, model, quality })
         };
         let members = orientations.into_iter().zip(kept).map(member).collect::<Result<_>>()?;
         Ok(Self { graph, samples, settings, members, facts })

@@ -39,11 +39,8 @@ impl Support {
         let standard = |(column, (mean, deviation)): (&Vec<f64>, &(f64, f64))| {
             column.iter().map(|v| (v - mean) / deviation).collect::<Vec<f64>>()
         };
-        let range = |column: &Vec<f64>| {
-            column
-                .iter()
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)))
-        };
+        let none = (f64::INFINITY, f64::NEG_INFINITY);
+        let range = |column: &Vec<f64>| column.iter().fold(none, |(low, high), &v| (low.min(v), high.max(v)));
         let mut order: Vec<usize> = (0..n).collect();
         if let Some(first) = columns.first() {
             order.sort_by(|&a, &b| first[a].total_cmp(&first[b]));
@@ -108,7 +105,7 @@ impl Support {
             let below = left.checked_sub(1).and_then(|block| gap(column.get(block * BLOCK + BLOCK - 1)));
             let above = gap(column.get(right * BLOCK));
             match (below, above) {
-                (Some(least), other) if other.is_none_or(|other| least < other) && right > alike => {
+                (Some(least), other) if other.is_none_or(|other| least < other && right > alike) => {
                     left -= 1;
                     Some((left * BLOCK, least))
                 }
@@ -116,11 +113,7 @@ impl Support {
                     right += 1;
                     Some(((right - 1) * BLOCK, if right == alike + 1 { 0.0 } else { least }))
                 }
-                (Some(least), None) => {
-                    left -= 1;
-                    Some((left * BLOCK, least))
-                }
-                (None, None) => None,
+                (_, None) => None,
             }
         })
     }

@@ -19,12 +19,8 @@ pub struct Schedule {
 impl Schedule {
     /// Nothing imposed on `n` variables for `steps` steps.
     pub fn free(n: usize, steps: usize) -> Self {
-        Self {
-            n,
-            touched: vec![false; n * steps],
-            set: vec![f64::NAN; n * steps],
-            shift: vec![0.0; n * steps],
-        }
+        let cells = n * steps;
+        Self { n, touched: vec![false; cells], set: vec![f64::NAN; cells], shift: vec![0.0; cells] }
     }
 
     /// Sets a variable at a step (0: the first); what does not exist is left alone.
@@ -131,14 +127,11 @@ impl System {
         rows.resize((past + schedule.steps()) * n, f64::NAN);
         for step in 0..schedule.steps() {
             for &var in &self.order {
-                let at = step * n + var;
-                let value = if schedule.is_set(step, var) {
-                    schedule.set[at]
-                } else {
-                    self.expected(rows, past + step, var, &mut scratch)
-                        + noise(step, var)
-                        + schedule.shift[at]
-                };
+                let mut value = schedule.set[step * n + var];
+                if !schedule.is_set(step, var) {
+                    let expected = self.expected(rows, past + step, var, &mut scratch);
+                    value = expected + noise(step, var) + schedule.moved(step, var);
+                }
                 rows[(past + step) * n + var] = value;
             }
         }

@@ -1,8 +1,12 @@
 //! Whether a question can be asked: each fault is one sentence with the way out.
 
+use std::collections::HashSet;
+
 use roscausal_discovery::names;
 
-use super::{Action, GO_ON, Intervention, Kind, LONGEST_HORIZON, Limit, MOST_ACTIONS, MOST_NUMBERS, WhatIf};
+use super::{
+    Action, CostTerm, GO_ON, Intervention, Kind, LONGEST_HORIZON, Limit, MOST_ACTIONS, MOST_NUMBERS, WhatIf,
+};
 use crate::model::Schedule;
 
 /// Numbers that an action holds for each step and variable beside its paths: what it sets, and what is forecast.
@@ -48,39 +52,33 @@ impl Asked {
 impl WhatIf {
     /// Checks the question for a model of these variables, that may stand for so many `graphs` with so many `refits` each.
     pub(crate) fn checked(&self, all: &[String], graphs: usize, refits: usize) -> Checked<Asked> {
-        if !(1..=LONGEST_HORIZON).contains(&self.horizon) {
+        let (horizon, actions, paths) = (self.horizon, self.actions.len(), self.paths);
+        if !(1..=LONGEST_HORIZON).contains(&horizon) {
             return Err(format!(
-                "a horizon of {} steps is not answered; ask for 1 to {LONGEST_HORIZON}",
-                self.horizon
+                "a horizon of {horizon} steps is not answered; ask for 1 to {LONGEST_HORIZON}"
             ));
         }
-        if self.actions.len() > MOST_ACTIONS {
-            return Err(format!(
-                "{} actions are too many at once; ask for at most {MOST_ACTIONS}",
-                self.actions.len()
-            ));
+        if actions > MOST_ACTIONS {
+            return Err(format!("{actions} actions are too many at once; ask for at most {MOST_ACTIONS}"));
         }
-        if !(20..=100_000).contains(&self.paths) {
-            return Err(format!("{} paths are not simulated; take 20 to 100000", self.paths));
+        if !(20..=100_000).contains(&paths) {
+            return Err(format!("{paths} paths are not simulated; take 20 to 100000"));
         }
         self.has_room(all.len(), graphs, refits)?;
         let go_on = [Action::go_on()];
         let asked = if self.actions.is_empty() { &go_on[..] } else { &self.actions };
-        if let Some(k) =
-            (1..asked.len()).find(|&k| asked[..k].iter().any(|other| other.name == asked[k].name))
-        {
-            return Err(format!("two actions are called '{}'; give each a name of its own", asked[k].name));
+        let mut known = HashSet::new();
+        if let Some(Action { name, .. }) = asked.iter().find(|action| !known.insert(&action.name)) {
+            return Err(format!("two actions are called '{name}'; give each a name of its own"));
         }
-        let action = |action: &Action| Ok((action.name.clone(), action.schedule(all, self.horizon)?));
+        let action = |action: &Action| Ok((action.name.clone(), action.schedule(all, horizon)?));
         let variables = match &self.variables[..] {
             [] => (0..all.len()).collect(),
             some => some.iter().map(|name| variable(all, name)).collect::<Checked<Vec<usize>>>()?,
         };
-        let term = |term: &super::CostTerm| match term.weight.is_finite() {
-            true => Ok((variable(all, &term.variable)?, term.weight)),
-            false => {
-                Err(format!("the weight of {} in the cost is {}; give a number", term.variable, term.weight))
-            }
+        let term = |CostTerm { variable: name, weight }: &CostTerm| match weight.is_finite() {
+            true => Ok((variable(all, name)?, *weight)),
+            false => Err(format!("the weight of {name} in the cost is {weight}; give a number")),
         };
         Ok(Asked {
             actions: asked.iter().map(action).collect::<Checked<_>>()?,
@@ -93,46 +91,39 @@ impl WhatIf {
     /// Whether what is held at once fits into memory: every action's paths under every graph; of had-I these are the refits.
     fn has_room(&self, variables: usize, graphs: usize, refits: usize) -> Checked<()> {
         let paths = if self.counterfactual { refits } else { self.paths };
-        let asked = self.actions.len().max(1);
+        let (asked, steps) = (self.actions.len().max(1), self.horizon);
         // Where graphs may disagree, going on is simulated beside the actions.
         let actions = asked + usize::from(graphs > 1);
         // A path has a number for each variable, and one for where it leaves what was seen.
-        let cells = actions.saturating_mul(self.horizon).saturating_mul(variables.saturating_add(1));
+        let cells = actions.saturating_mul(steps).saturating_mul(variables.saturating_add(1));
         let numbers = cells.saturating_mul(paths.saturating_mul(graphs).saturating_add(BESIDE));
         if numbers <= MOST_NUMBERS {
             return Ok(());
         }
         Err(format!(
-            "actions x steps x paths x variables x graphs = {asked} x {} x {paths} x {variables} x {graphs} need too much memory; ask for \
-             fewer actions, steps or paths",
-            self.horizon
+            "actions x steps x paths x variables x graphs = {asked} x {steps} x {paths} x {variables} x {graphs} need too much memory; \
+             ask for fewer actions, steps or paths"
         ))
     }
 }
 
 impl Limit {
     fn checked(&self, all: &[String]) -> Checked<(usize, f64, f64, f64)> {
-        let var = variable(all, &self.variable)?;
-        let (above, below) = (self.above.unwrap_or(f64::NEG_INFINITY), self.below.unwrap_or(f64::INFINITY));
-        if above.is_nan() || below.is_nan() || (self.above.is_none() && self.below.is_none()) {
+        let Self { variable: name, above, below, probability } = self;
+        let (var, is_open) = (variable(all, name)?, above.is_none() && below.is_none());
+        let (above, below) = (above.unwrap_or(f64::NEG_INFINITY), below.unwrap_or(f64::INFINITY));
+        if above.is_nan() || below.is_nan() || is_open {
             return Err(format!(
-                "the limit of {} has no bound; give one above or below which it is to stay",
-                self.variable
+                "the limit of {name} has no bound; give one above or below which it is to stay"
             ));
         }
         if above >= below {
-            return Err(format!(
-                "nothing is above {above} and below {below}; mend the limit of {}",
-                self.variable
-            ));
+            return Err(format!("nothing is above {above} and below {below}; mend the limit of {name}"));
         }
-        if !(0.0..=1.0).contains(&self.probability) {
-            return Err(format!(
-                "the limit of {} asks for a probability of {}; give 0 to 1",
-                self.variable, self.probability
-            ));
+        if !(0.0..=1.0).contains(probability) {
+            return Err(format!("the limit of {name} asks for a probability of {probability}; give 0 to 1"));
         }
-        Ok((var, above, below, self.probability))
+        Ok((var, above, below, *probability))
     }
 }
 
@@ -153,39 +144,31 @@ impl Action {
 impl Intervention {
     fn enter(&self, action: &str, all: &[String], horizon: usize, schedule: &mut Schedule) -> Checked<()> {
         let var = variable(all, &self.variable)?;
+        let (first, count) = (self.first_step, self.values.len());
         let last = if self.last_step == 0 { horizon } else { self.last_step };
         let whose = format!("action '{action}', {}", self.variable);
-        if self.first_step == 0 {
+        if first == 0 {
             return Err(format!("{whose}: step 0 is now and cannot be changed; the next sample is step 1"));
         }
-        if last < self.first_step || last > horizon {
-            return Err(format!(
-                "{whose}: steps {}..{last} are not within 1..{horizon}, the horizon",
-                self.first_step
-            ));
+        if last < first || last > horizon {
+            return Err(format!("{whose}: steps {first}..{last} are not within 1..{horizon}, the horizon"));
         }
-        let steps = last - self.first_step + 1;
-        if self.values.len() != 1 && self.values.len() != steps {
-            return Err(format!(
-                "{whose}: {} values for {steps} steps; give one, or one for each step",
-                self.values.len()
-            ));
+        let steps = last - first + 1;
+        if count != 1 && count != steps {
+            return Err(format!("{whose}: {count} values for {steps} steps; give one, or one for each step"));
         }
         if let Some(value) = self.values.iter().find(|value| !value.is_finite()) {
             return Err(format!("{whose}: {value} is not a value that can be set; give a finite number"));
         }
-        for k in 0..steps {
-            let (step, value) =
-                (self.first_step - 1 + k, self.values[if self.values.len() == 1 { 0 } else { k }]);
-            if schedule.touches(step, var) {
+        for (step, &value) in (first..=last).zip(self.values.iter().cycle()) {
+            if schedule.touches(step - 1, var) {
                 return Err(format!(
-                    "{whose}: it is acted on twice at step {}; set it or shift it, once",
-                    step + 1
+                    "{whose}: it is acted on twice at step {step}; set it or shift it, once"
                 ));
             }
             match self.kind {
-                Kind::Set => schedule.set(step, var, value),
-                Kind::Shift => schedule.shift(step, var, value),
+                Kind::Set => schedule.set(step - 1, var, value),
+                Kind::Shift => schedule.shift(step - 1, var, value),
             }
         }
         Ok(())

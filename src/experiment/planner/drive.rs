@@ -8,6 +8,7 @@ use std::{
 
 use roscausal_core::{
     Error, Result, Time,
+    batch::pool::with_ending,
     loopback::{Loopback, LoopbackNode},
     middleware::{Middleware, Qos},
     nodes::{self as core_nodes, FEATURES_TOPIC, SceneOptions, WHAT_IF_SERVICE},
@@ -103,14 +104,7 @@ pub(super) fn explore(
     nodes.end()?;
     run?;
     interrupt.check()?;
-    let mut batches: Vec<PathBuf> = std::fs::read_dir(&processed)
-        .map_err(|e| Error::file(&processed, e))?
-        .flatten()
-        .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "csv"))
-        .collect();
-    batches.sort();
-    Ok(batches)
+    with_ending(&processed, ".csv")
 }
 
 /// The nodes that record, with the experiment's variables.
@@ -172,13 +166,8 @@ fn drive(
         if simulation.steps().is_multiple_of(CHOOSE_EVERY) {
             speed = match policy {
                 Policy::Always(speed) => speed,
-                Policy::Rule => {
-                    if drive.distance(simulation) < NEAR {
-                        SPEEDS[0]
-                    } else {
-                        SPEEDS[2]
-                    }
-                }
+                Policy::Rule if drive.distance(simulation) < NEAR => SPEEDS[0],
+                Policy::Rule => SPEEDS[2],
                 Policy::Planner => drive.ask(&planner, &nodes.question)?,
             };
         }

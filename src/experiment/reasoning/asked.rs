@@ -47,9 +47,6 @@ pub(super) struct Answered {
     pub(super) correlational: Path,
 }
 
-/// An action, and the path of the acting variable under it.
-type NamedPath<'a> = (&'a (&'a str, &'a str), &'a Vec<f64>);
-
 impl Case {
     /// Asks about one moment.
     ///
@@ -80,11 +77,12 @@ impl Case {
             }
         }
         let mean_untouched = by_step(&outlooks[ACTIONS.len()], |f| &f.mean);
-        let answered = |((((name, _), path), rows), forecast): ((NamedPath<'_>, &Array2<f64>), &Outlook)| {
-            let had = WhatIf { counterfactual: true, ..set(name, path.clone(), STEPS) };
+        let answered = |action: usize| {
+            let (path, forecast) = (&imposed[action], &outlooks[action]);
+            let had = WhatIf { counterfactual: true, ..set(ACTIONS[action].0, path.clone(), STEPS) };
             let had = only(model, &situation, had, true)?;
             Ok(Answered {
-                real: path_of(rows),
+                real: path_of(&twins.acted[action]),
                 mean: by_step(forecast, |f| &f.mean),
                 lower: by_step(forecast, |f| &f.lower),
                 upper: by_step(forecast, |f| &f.upper),
@@ -93,13 +91,7 @@ impl Case {
                 correlational: correlation.effects(path, &own),
             })
         };
-        let actions = ACTIONS
-            .iter()
-            .zip(&imposed)
-            .zip(&twins.acted)
-            .zip(&outlooks)
-            .map(answered)
-            .collect::<Result<_>>()?;
+        let actions = (0..ACTIONS.len()).map(answered).collect::<Result<_>>()?;
         let untouched = path_of(&twins.rows.slice(s![twins.now + 1.., ..]).to_owned());
         Ok(Self { seed: twins.seed, start: twins.start, untouched, actions, support })
     }

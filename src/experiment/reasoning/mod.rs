@@ -16,7 +16,7 @@ mod twins;
 use clap::Args as ClapArgs;
 use ndarray::Array2;
 use rayon::prelude::*;
-use roscausal_core::{Error, Result};
+use roscausal_core::{Error, Result, threads};
 use roscausal_discovery::{DataFrame, Model};
 use roscausal_hrisim::Scenario;
 use roscausal_reasoning::{
@@ -73,14 +73,10 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let twins =
         runner.each(&seeds, "twin runs", |seed| Twins::of_seed(&scenario, seed, &args.starts, interrupt))?;
     let correlation = asked::Correlation::of(&training);
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(runner.workers()?)
-        .build()
-        .map_err(|e| Error::param("threads", e))?;
     let twins: Vec<Twins> = twins.into_iter().flatten().collect();
-    let cases: Vec<Case> = pool.install(|| {
-        twins.par_iter().map(|one| Case::ask(&model, one, &correlation)).collect::<Result<_>>()
-    })?;
+    let ask = |one: &Twins| Case::ask(&model, one, &correlation);
+    let cases: Vec<Case> =
+        threads::in_pool(runner.workers()?, || twins.par_iter().map(ask).collect::<Result<_>>())?;
     let figures = Figures::of(&cases, &deviations(&training));
     let mut json = serde_json::to_string_pretty(&figures).map_err(|e| Error::Data(e.to_string()))?;
     json.push('\n');

@@ -1,12 +1,12 @@
 //! Runs counted: how often each link is found, and scores per setting.
 
-use super::super::{grid::Setting, runs::Run};
+use super::super::{
+    grid::Setting,
+    runs::{NAMES, Run},
+};
 use crate::expected::PAPER;
 
 pub(super) type Link = (String, String);
-
-/// The variables of an experiment. Every ordered pair of two is a possible cross link.
-const VARIABLES: [&str; 3] = ["h_v", "h_dg", "h_risk"];
 
 /// How often one link was found with one setting.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,7 +73,8 @@ pub(super) fn groups(runs: &[Run]) -> Vec<Group<'_>> {
 impl Group<'_> {
     /// The paper's links first, then the others.
     pub(super) fn recalls(&self) -> Vec<Recall> {
-        let pairs = VARIABLES.iter().flat_map(|cause| VARIABLES.iter().map(move |effect| (*cause, *effect)));
+        // Every ordered pair of two variables is a possible cross link.
+        let pairs = NAMES.iter().flat_map(|cause| NAMES.iter().map(move |effect| (*cause, *effect)));
         let others = pairs.filter(|(cause, effect)| cause != effect && !PAPER.contains(&(*cause, *effect)));
         let recall = |(cause, effect): (&str, &str)| {
             let link = (cause.to_owned(), effect.to_owned());

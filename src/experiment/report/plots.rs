@@ -66,31 +66,21 @@ pub(super) fn plot(groups: &[Group<'_>], factor: Factor) -> String {
         family[0].recalls().into_iter().map(|recall| (recall.link, recall.expected)).collect();
     let of = |wanted: bool| -> Vec<Curve> {
         let chosen = names.iter().filter(|(_, expected)| *expected == wanted);
-        chosen
-            .map(|(link, _)| Curve { name: format!("{} → {}", link.0, link.1), points: share(link) })
-            .collect()
+        let curve = |link: &Link| Curve { name: format!("{} → {}", link.0, link.1), points: share(link) };
+        chosen.map(|(link, _)| curve(link)).collect()
     };
     let single = |name: &str, value: &dyn Fn(&Group<'_>) -> f64| {
         vec![Curve { name: name.to_owned(), points: points(value) }]
     };
+    let panel = |title: &str, range, curves| Panel { title: title.into(), range, curves };
+    let shares = Some((0.0, 1.0));
+    let precision = single("of all links found", &|group| group.score().precision.unwrap_or(f64::NAN));
     let panels = [
-        Panel { title: "share of runs that find a link".into(), range: Some((0.0, 1.0)), curves: of(true) },
-        Panel { title: "share of runs with a false link".into(), range: Some((0.0, 1.0)), curves: of(false) },
-        Panel {
-            title: "precision".into(),
-            range: Some((0.0, 1.0)),
-            curves: single("of all links found", &|group| group.score().precision.unwrap_or(f64::NAN)),
-        },
-        Panel {
-            title: "structural Hamming distance".into(),
-            range: None,
-            curves: single("mean", &|group| group.score().shd),
-        },
-        Panel {
-            title: "run time on one core (s)".into(),
-            range: None,
-            curves: single("median", &|group| group.score().run_time_s),
-        },
+        panel("share of runs that find a link", shares, of(true)),
+        panel("share of runs with a false link", shares, of(false)),
+        panel("precision", shares, precision),
+        panel("structural Hamming distance", None, single("mean", &|group| group.score().shd)),
+        panel("run time on one core (s)", None, single("median", &|group| group.score().run_time_s)),
     ];
     let Setting { scenario, method, test, risk_model, risk_lag, .. } = family[0].setting;
     let runs = family[0].runs.len();

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .. import _native
 from .._native import SettingError
+from ..quick import whole
 from . import results
 from .data_processing import DataFrame
 from .independence_tests.independence_tests_base import check_test
@@ -134,15 +135,11 @@ class PCMCI:
         self.val_min = {j: {(var, -lag): v for var, lag, v, _ in of if (var, -lag) in nodes[j]} for j, of in of_targets}
 
     def _matrices(self, found: Results, alpha_level: float, val_only: bool = False) -> Results:
+        matrices = {"val_matrix": found["val_matrix"], "conf_matrix": found["conf_matrix"]}
         if val_only:
-            return {"val_matrix": found["val_matrix"], "conf_matrix": found["conf_matrix"]}
+            return matrices
         p_matrix = found["p_matrix"] if found["q_matrix"] is None else found["q_matrix"]
-        answer = {
-            "graph": results.MARKS[found["graph"]],
-            "p_matrix": p_matrix,
-            "val_matrix": found["val_matrix"],
-            "conf_matrix": found["conf_matrix"],
-        }
+        answer = {"graph": results.MARKS[found["graph"]], "p_matrix": p_matrix, **matrices}
         if self.verbosity > 0:
             self.print_results(answer, alpha_level)
         return answer
@@ -316,8 +313,7 @@ class PCMCI:
         test = self.cond_ind_test
         if hasattr(test, "run_test") and not (hasattr(test, "spec") or hasattr(test, "run_test_raw")):
             raise SettingError("setting 'cond_ind_test': a test on nodes sees no data, so that resamples say nothing")
-        if isinstance(boot_samples, bool) or not hasattr(boot_samples, "__index__") or boot_samples < 1:
-            raise SettingError(f"setting 'boot_samples': {boot_samples!r} is not a number of draws from 1 on")
+        boot_samples = whole("boot_samples", boot_samples, 1, "a number of draws from 1 on")
         first = int(np.random.default_rng().integers(2**32)) if seed is None else int(seed)
         runs, verbosity = [], self.verbosity
         try:

@@ -46,18 +46,16 @@ def graph_of_p(
     there = p_values <= alpha_level
     lags = np.arange(p_values.shape[2])
     there[:, :, (lags < tau_min) | (lags > tau_max)] = False
-    n = p_values.shape[0]
-    there[np.arange(n), np.arange(n), 0] = False
+    np.fill_diagonal(there[:, :, 0], False)
     graph[there] = "-->"
     graph[:, :, 0][there[:, :, 0]] = "o-o"
     if link_assumptions is not None:
         allowed = np.full(p_values.shape, "", dtype="<U3")
         for cause, effect, lag, mark in link_list(link_assumptions, tau_min, tau_max) or []:
-            allowed[cause, effect, lag] = mark.replace("?", "-")
+            mark = mark.replace("?", "-")
+            allowed[cause, effect, lag] = mark
             if lag == 0:
-                mirrored = {"-->": "<--", "<--": "-->"}
-                mark = mark.replace("?", "-")
-                allowed[effect, cause, 0] = mirrored.get(mark, mark)
+                allowed[effect, cause, 0] = {"-->": "<--", "<--": "-->"}.get(mark, mark)
         graph = np.where(graph != "", allowed, "").astype("<U3")
     return graph
 
