@@ -4,8 +4,8 @@
 //!
 //! `y_t = level[place, hour] (1 - phi) + phi y_(t-1) + sum of slopes x causes + noise`
 //!
-//! 1. Slopes: least squares on rows minus the mean of their place and hour (Frisch and Waugh 1933). So what differs between places
-//!    or hours confounds nothing.
+//! 1. Slopes: least squares on rows minus the mean of their place, hour and day (Frisch and Waugh 1933). So what differs between places,
+//!    hours or days confounds nothing.
 //! 2. Levels: what is left of the means, as it would be with all causes at 0. A robot that empties the places it visits is a cause: the
 //!    plain mean of such a place is too low for a robot that thinks of coming, the level is not.
 //! 3. A day whose means differ from those of the days before by more than chance, in one hour or at one place, begins anew there: the
@@ -174,8 +174,8 @@ impl Levels {
             pools
         };
         let all = pooled(&|_, _| true);
-        for (row, (_, cell)) in rows.iter().enumerate() {
-            let pool = &all[*cell];
+        for (row, (day, cell)) in rows.iter().enumerate() {
+            let pool = if way == Way::Lagged { &all[*cell] } else { &sums[*day][*cell] };
             columns[0][row] -= pool.y / pool.n;
             columns[1..].iter_mut().zip(&pool.x).for_each(|(column, x)| column[row] -= x / pool.n);
         }
@@ -235,6 +235,8 @@ impl Levels {
         let (first, bins) = self.hours;
         let bin = if bins == 1 {
             0
+        } else if !hour.is_finite() {
+            return None;
         } else {
             usize::try_from((hour - first).floor() as i64).ok().filter(|bin| *bin < bins)?
         };
@@ -275,9 +277,7 @@ fn begun_anew(sums: &[Vec<Sums>], bins: usize, inflation: &[f64]) -> (Vec<Anew>,
             if pool.n == 0.0 || today.n == 0.0 {
                 return None;
             }
-            let mut both = pool.clone();
-            both.add(today);
-            let variance = both.variance() * inflation[cell / bins] * (1.0 / pool.n + 1.0 / today.n);
+            let variance = (pool.variance() / pool.n + today.variance() / today.n) * inflation[cell / bins];
             (variance > 0.0).then(|| (pool.y / pool.n - today.y / today.n).powi(2) / variance)
         };
         let squares: Vec<Option<f64>> = (0..places * bins).map(square).collect();
