@@ -12,7 +12,11 @@
 //! `place` is the position in the map's list, from 0. `speed` (m/s), `loss` (percent of the battery in a second) and `load` (0 or 1)
 //! stand in rows of the robot's own place, if anywhere; `speed` only while it drives.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::{Arc, Mutex},
+    time::SystemTime,
+};
 
 use ndarray::Axis;
 use roscausal_reasoning::{
@@ -30,6 +34,7 @@ use crate::{
     Error, Result,
     batch::{Table, table::Reading},
     bounded,
+    gate::lock,
 };
 
 /// Columns that say how the robot fared.
@@ -57,6 +62,58 @@ pub fn map(path: &Path) -> Result<Map> {
         file = *day;
     }
     Map::new(file.places, &file.arcs).map_err(|error| Error::file(path, error))
+}
+
+/// A house whose days are added while somebody asks: a map, a model, and a folder with a table for each day, in order of their names.
+#[derive(Debug, Default)]
+pub struct House {
+    /// The map's file.
+    pub map: PathBuf,
+    /// The model's file.
+    pub model: PathBuf,
+    /// The folder of the tables.
+    pub days: PathBuf,
+    /// The variable that is counted.
+    pub count: String,
+    read: Mutex<Option<Read>>,
+}
+
+/// Files with the time of their last change, and what they told.
+type Read = (Vec<(PathBuf, SystemTime)>, Arc<(Map, Known)>);
+
+impl House {
+    /// A house in these files.
+    pub fn new(map: PathBuf, model: PathBuf, days: PathBuf, count: String) -> Self {
+        Self { map, model, days, count, read: Mutex::default() }
+    }
+
+    /// What the files tell now; they are read again when one of them has changed or a day has come.
+    ///
+    /// # Errors
+    /// As [`map`] and [`known`], and a folder without tables.
+    pub fn newest(&self) -> Result<Arc<(Map, Known)>> {
+        let listed = std::fs::read_dir(&self.days).map_err(|error| Error::file(&self.days, error))?;
+        let mut tables: Vec<PathBuf> = listed.flatten().map(|entry| entry.path()).collect();
+        tables.retain(|path| path.extension().is_some_and(|end| end == "csv"));
+        tables.sort();
+        if tables.is_empty() {
+            return Err(Error::file(&self.days, "it has no table of a day (*.csv)"));
+        }
+        let changed = |path: &PathBuf| {
+            path.metadata().and_then(|data| data.modified()).unwrap_or(SystemTime::UNIX_EPOCH)
+        };
+        let files = [&self.map, &self.model].into_iter().chain(&tables);
+        let files: Vec<(PathBuf, SystemTime)> = files.map(|path| (path.clone(), changed(path))).collect();
+        let mut read = lock(&self.read);
+        if let Some((_, told)) = read.as_ref().filter(|(of, _)| *of == files) {
+            return Ok(told.clone());
+        }
+        let map = map(&self.map)?;
+        let known = known(&map, &self.model, &tables, &self.count)?;
+        let told = Arc::new((map, known));
+        *read = Some((files, told.clone()));
+        Ok(told)
+    }
 }
 
 /// Reads the tables of days and the model, and fits what they tell of `target`.

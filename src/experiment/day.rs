@@ -257,7 +257,7 @@ fn drive(
                 (best.wait, best.places)
             }
         };
-        simulation.day.as_mut().ok_or_else(no_day)?.porter.decide(time + wait, &places);
+        simulation.day.as_mut().ok_or_else(no_day)?.decide(time + wait, &places);
     }
     simulation.day.take().ok_or_else(no_day)
 }

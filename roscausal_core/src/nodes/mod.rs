@@ -46,7 +46,7 @@ pub use human::human;
 pub use markers::markers;
 pub use model_changes::CHANGES_TOPIC;
 pub use reasoning::{
-    CANCEL_SERVICE, EFFECT_SERVICE, EXPLAIN_SERVICE, PREDICTION_TOPIC, STRUCTURAL_MODEL_TOPIC,
+    CANCEL_SERVICE, EFFECT_SERVICE, EXPLAIN_SERVICE, PREDICTION_TOPIC, ROUTE_SERVICE, STRUCTURAL_MODEL_TOPIC,
     WHAT_IF_SERVICE, reasoning, reasoning_beside,
 };
 pub use recorded_changes::{CHANGES_FOLDER, RecordedChange, recorded_changes};

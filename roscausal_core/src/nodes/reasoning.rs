@@ -18,7 +18,8 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use roscausal_discovery::DataFrame;
 use roscausal_msgs::{
     Cancel, CancelRequest, CancelResponse, CausalModelInfo, Effect, EffectRequest, EffectResponse, Explain,
-    ExplainRequest, ExplainResponse, Features, Prediction, Time, WhatIf, WhatIfRequest, WhatIfResponse,
+    ExplainRequest, ExplainResponse, Features, Prediction, Route, RouteRequest, RouteResponse, Time, WhatIf,
+    WhatIfRequest, WhatIfResponse,
     std_msgs::{Header, String as Text},
 };
 use roscausal_reasoning::{
@@ -32,7 +33,8 @@ use super::{
     FEATURES_TOPIC,
     health::Health,
     reasoning_messages::{
-        effect_response, explain_response, forecast, graph_of, structural_model, what_if, what_if_response,
+        effect_response, explain_response, forecast, graph_of, route_response, structural_model, what_if,
+        what_if_response,
     },
     reasoning_params::{ReasoningParams, specs},
     reasoning_rows::{Moment, Rows},
@@ -55,7 +57,8 @@ pub const WHAT_IF_SERVICE: &str = "roscausal/what_if";
 pub const EXPLAIN_SERVICE: &str = "roscausal/explain";
 /// How strongly does one variable drive another?
 pub const EFFECT_SERVICE: &str = "roscausal/effect";
-
+/// Where and when should the robot go?
+pub const ROUTE_SERVICE: &str = "roscausal/route";
 /// Ends questions.
 pub const CANCEL_SERVICE: &str = "roscausal/cancel";
 
@@ -74,6 +77,7 @@ enum Event {
     WhatIf(WhatIfRequest, Reply<WhatIfResponse>),
     Explain(ExplainRequest, Reply<ExplainResponse>),
     Effect(EffectRequest, Reply<EffectResponse>),
+    Route(RouteRequest, Reply<RouteResponse>),
     Cancel(CancelRequest, Reply<CancelResponse>),
     /// The fit of the graph with this number.
     Fitted(u64, Result<StructuralModel>),
@@ -142,13 +146,14 @@ fn with_inbox<M: Middleware>(mw: &M, inbox: Inbox<Event>, in_line: bool) -> Resu
     let features_input = health.input::<Features>(FEATURES_TOPIC, true);
     let model_input = health.input::<CausalModelInfo>("roscausal/causal_model_info", false);
     let to = || inbox.sender();
-    let (asked, why, strength, end) = (to(), to(), to(), to());
+    let (asked, why, strength, way, end) = (to(), to(), to(), to(), to());
     let _what_if =
         mw.serve::<WhatIf>(WHAT_IF_SERVICE, move |q, reply| asked.send(Event::WhatIf(q, reply)))?;
     let _explain =
         mw.serve::<Explain>(EXPLAIN_SERVICE, move |q, reply| why.send(Event::Explain(q, reply)))?;
     let _effect =
         mw.serve::<Effect>(EFFECT_SERVICE, move |q, reply| strength.send(Event::Effect(q, reply)))?;
+    let _route = mw.serve::<Route>(ROUTE_SERVICE, move |q, reply| way.send(Event::Route(q, reply)))?;
     let _cancel = mw.serve::<Cancel>(CANCEL_SERVICE, move |q, reply| end.send(Event::Cancel(q, reply)))?;
     let _models = match node.wanted {
         Some(_) => None,
@@ -173,6 +178,7 @@ fn with_inbox<M: Middleware>(mw: &M, inbox: Inbox<Event>, in_line: bool) -> Resu
             Next::Event(Event::WhatIf(request, reply)) => node.what_if(request, reply),
             Next::Event(Event::Explain(request, reply)) => node.explain(request, reply),
             Next::Event(Event::Effect(request, reply)) => node.effect(request, reply),
+            Next::Event(Event::Route(request, reply)) => node.route(request, reply),
             Next::Event(Event::Cancel(request, reply)) => reply.send(node.cancel(&request)),
         }
         if mw.now() >= node.next_fit {
@@ -558,6 +564,22 @@ impl<M: Middleware> Node<M> {
         };
         let caveats = self.caveats();
         self.answer(reply, refuse, move || effect_response(answer::effect(&model, &question), caveats));
+    }
+
+    fn route(&mut self, request: RouteRequest, reply: Reply<RouteResponse>) {
+        let refuse = |status: Status, message: String| RouteResponse {
+            status: status as u8,
+            message,
+            ..RouteResponse::default()
+        };
+        let Some(house) = self.params.house.clone() else {
+            let reason =
+                "there is no map; start this node with the parameters route_map, route_model and route_days";
+            return reply.send(refuse(Status::NoData, reason.into()));
+        };
+        self.answer(reply, refuse, move || {
+            route_response(&house, &request).unwrap_or_else(|(status, reason)| refuse(status, reason))
+        });
     }
 
     fn report(&self, health: &mut Health<M>, dropped: u64) {

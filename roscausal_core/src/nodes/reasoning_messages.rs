@@ -7,18 +7,20 @@ use roscausal_discovery::{
     text::{check_step, is_share, quoted},
 };
 use roscausal_msgs::{
-    CausalModelInfo, Contribution, EffectResponse, ExplainResponse, Forecast, Intervention, Outlook, Time,
-    WhatIfRequest, WhatIfResponse,
+    CausalModelInfo, Contribution, EffectResponse, ExplainResponse, Forecast, Intervention, Outlook,
+    RouteRequest, RouteResponse, Time, WhatIfRequest, WhatIfResponse,
 };
 use roscausal_reasoning::{
     Facts, StructuralModel,
-    answer::{EffectAnswer, ExplainAnswer, Forecast as OwnForecast, WhatIfAnswer},
+    answer::{EffectAnswer, ExplainAnswer, Forecast as OwnForecast, Status, WhatIfAnswer},
     graph::{Arrow, Graph, Pair},
     question::{Action, CostTerm, Intervention as OwnIntervention, Limit, WhatIf},
+    route::plan::{Cost, Trip},
 };
 use serde_json::{Value as Json, json};
 
 use super::{model_messages::model_of, reasoning_rows::Moment};
+use crate::house::House;
 
 /// The graph of a model that was published, without the columns `context`: that of [`Graph::of_model`]. Links at lag 0 that are
 /// listed as causes in both directions contradict each other.
@@ -143,6 +145,43 @@ pub(super) fn explain_response(answer: ExplainAnswer, moment: &Moment, more: Vec
         text: answer.text,
         caveats: answer.caveats.into_iter().chain(more).collect(),
     }
+}
+
+/// The answer to a question about a route, or why there is none.
+pub(super) fn route_response(
+    house: &House,
+    request: &RouteRequest,
+) -> std::result::Result<RouteResponse, (Status, String)> {
+    let told = house.newest().map_err(|error| (Status::NoData, error.to_string()))?;
+    let (map, known) = &*told;
+    let bad = |error: Error| match error {
+        Error::Data(reason) => (Status::NotSupported, reason),
+        other => (Status::BadRequest, other.to_string()),
+    };
+    let trip = Trip {
+        from: map.place(&request.from_place).map_err(bad)?,
+        to: map.place(&request.to_place).map_err(bad)?,
+        hour: request.hour,
+        horizon: request.horizon,
+        allowed: (request.allowed != 0.0).then_some(request.allowed),
+        now: (!request.now.is_empty()).then_some(request.now.as_slice()),
+        cost: Cost::default(),
+    };
+    let (best, at_once) = known.house(map, request.loaded).best(&trip).map_err(bad)?;
+    let (lower, upper) = best.seconds_interval();
+    Ok(RouteResponse {
+        wait: best.wait,
+        places: best.places.iter().map(|place| map.places[*place].name.clone()).collect(),
+        seconds: best.seconds.mean,
+        lower,
+        upper,
+        people: best.people.mean,
+        battery: best.battery,
+        late: best.late,
+        text: best.sentence(map, &at_once),
+        caveats: known.notes(map),
+        ..RouteResponse::default()
+    })
 }
 
 /// The answer as its message.

@@ -1,6 +1,6 @@
 //! The parameters of the reasoning node.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 use roscausal_discovery::methods::acts_on_of;
 use roscausal_reasoning::{
@@ -11,7 +11,9 @@ use roscausal_reasoning::{
 
 use super::path;
 use crate::{
-    Error, Result, bounded, param_specs,
+    Error, Result, bounded,
+    house::House,
+    param_specs,
     params::{Allowed, ParamSpec, Params, Value},
 };
 
@@ -44,6 +46,10 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         "person" = text(""), Any,
             "id of the person whose variables (h_7_v) the model's (h_v) are, if there are several; empty: the only one";
         "allow_extrapolation" = Bool(false), Any, "also answer where the data do not reach, and say so";
+        "route_map" = text(""), Any, "file with the places of a house, for /roscausal/route; empty: no routes";
+        "route_model" = text(""), Any, "file with the causal model of what is counted at the places";
+        "route_days" = text(""), Any, "folder with a table for each day, in order of their names; new ones are read when asked";
+        "route_count" = text("people"), Any, "the variable that is counted at the places";
         "threads" = Int(0), Range(0.0, 1024.0), "threads for answers and fits; 0: all cores";
     }
 }
@@ -64,6 +70,8 @@ pub(super) struct ReasoningParams {
     pub(super) person: String,
     pub(super) allow_extrapolation: bool,
     pub(super) threads: usize,
+    /// The house of `/roscausal/route`.
+    pub(super) house: Option<Arc<House>>,
 }
 
 impl ReasoningParams {
@@ -107,6 +115,10 @@ impl ReasoningParams {
             person: params.text("person"),
             allow_extrapolation: params.flag("allow_extrapolation"),
             threads: params.count("threads"),
+            house: params.text_if_set("route_map").map(|map| {
+                let [model, days] = ["route_model", "route_days"].map(|name| path(&params.text(name)));
+                Arc::new(House::new(path(&map), model, days, params.text("route_count")))
+            }),
         })
     }
 }

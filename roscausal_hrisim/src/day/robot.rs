@@ -1,7 +1,7 @@
 //! The robot of a working day: its tasks, its way along the places, its battery.
 //!
 //! A task is two ways: to the place where a load waits, and with the load to where it belongs. Each has a deadline of 1.6 times its
-//! free travel time, from when the robot sets out. Who decides says when to set out and by which places ([`Leg`]); without anybody
+//! free travel time, from when the robot sets out. Who decides says when to set out and by which places ([`Day::decide`]); without anybody
 //! the robot sets out at once on the shortest way. When nothing is to be done it goes to its charger.
 
 use super::{Battery, Day, DaySpec, HOUR};
@@ -11,7 +11,7 @@ use crate::{
     robot::{Robot, RobotOrders},
     world::World,
 };
-use roscausal_reasoning::route::map::Map;
+use roscausal_reasoning::route::map::{Map, NodeIndex};
 
 /// A place is passed within this distance, metres, and reached within this one.
 const PASSED: f64 = 1.0;
@@ -78,7 +78,7 @@ pub struct Porter {
     /// The load's target, once it is fetched.
     fetched: Option<Task>,
     doing: Doing,
-    /// Whether somebody else decides ([`Porter::open_leg`]); otherwise it takes the shortest way at once.
+    /// Whether somebody else decides ([`Day::decide`]); otherwise it takes the shortest way at once.
     pub guided: bool,
     /// Charge, percent.
     pub charge: f64,
@@ -135,17 +135,6 @@ impl Porter {
     /// The way on which somebody has to decide.
     pub fn open_leg(&self) -> Option<&Leg> {
         if let Doing::Deciding(leg, None) = &self.doing { Some(leg) } else { None }
-    }
-
-    /// Decides on the open way: set out at `depart` (seconds; not before now, and at the latest when it has to), by these
-    /// places, of which the first is where the robot is.
-    pub fn decide(&mut self, depart: f64, places: &[usize]) {
-        if let Doing::Deciding(leg, decided @ None) = &mut self.doing
-            && places.first() == Some(&leg.from)
-            && places.last() == Some(&leg.to)
-        {
-            *decided = Some((depart.min(leg.latest), places[1..].iter().rev().copied().collect()));
-        }
     }
 
     /// Whether it carries a load.
@@ -209,6 +198,21 @@ impl Porter {
 }
 
 impl Day {
+    /// Decides on the open way: set out at `depart` (seconds; at the latest when it has to), by these places, the first of which is
+    /// where the robot is. Returns whether that is a way from there to where it has to go.
+    pub fn decide(&mut self, depart: f64, places: &[usize]) -> bool {
+        let joined =
+            |pair: &[usize]| self.map.graph.contains_edge(NodeIndex::new(pair[0]), NodeIndex::new(pair[1]));
+        if let Doing::Deciding(leg, decided @ None) = &mut self.porter.doing
+            && (places.first(), places.last()) == (Some(&leg.from), Some(&leg.to))
+            && places.windows(2).all(joined)
+        {
+            *decided = Some((depart.min(leg.latest), places[1..].iter().rev().copied().collect()));
+            return true;
+        }
+        false
+    }
+
     /// Drives the robot by one step.
     pub(super) fn drive(
         &mut self,

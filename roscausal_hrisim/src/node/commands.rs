@@ -29,6 +29,8 @@ pub(super) enum Command {
     Control(String),
     /// `/hri/do`: an intervention. Without times it applies from now on.
     Do(String),
+    /// `/hri/way`: seconds to wait, and the places of the way on which the robot has to decide.
+    Way(String),
 }
 
 /// Whether simulated time is running.
@@ -52,6 +54,7 @@ pub(super) fn subscribe<M: Middleware>(mw: &M, inbox: &Inbox<Command>) -> Result
             .subscribe(mw, "twist_mux/scaling_factor", qos, |factor: Float64| Command::Scale(factor.data))?,
         inbox.subscribe(mw, "/hri/control", qos, |text: Text| Command::Control(text.data))?,
         inbox.subscribe(mw, "/hri/do", qos, |text: Text| Command::Do(text.data))?,
+        inbox.subscribe(mw, "/hri/way", qos, |text: Text| Command::Way(text.data))?,
     ])
 }
 
@@ -70,6 +73,7 @@ pub(super) fn obey(command: &Command, simulation: &mut Simulation, running: &mut
             Ok(())
         }
         Command::Control(text) => control(text, simulation, running),
+        Command::Way(text) => way(text, simulation),
         Command::Do(text) => simulation.intervene(imposed(text, simulation.time())?),
     }
 }
@@ -98,6 +102,21 @@ fn control(text: &str, simulation: &mut Simulation, running: &mut Running) -> Re
             ids.into_iter().try_for_each(|id| simulation.teleoperate(id, None))?;
         }
         _ => return Err(Error::param("/hri/control", format!("'{text}' is unknown; {FORMS}"))),
+    }
+    Ok(())
+}
+
+/// `12.5 dock_s0 south_0 ...`: after 12.5 s, by these places.
+fn way(text: &str, simulation: &mut Simulation) -> Result<()> {
+    let time = simulation.time();
+    let bad = |reason: String| Error::param("/hri/way", reason);
+    let Some(day) = &mut simulation.day else { return Err(bad("this scenario has no working day".into())) };
+    let mut words = text.split_whitespace();
+    let wait = words.next().and_then(|word| word.parse::<f64>().ok()).filter(|wait| *wait >= 0.0);
+    let wait = wait.ok_or_else(|| bad(format!("'{text}' does not begin with the seconds to wait")))?;
+    let places = words.map(|name| Ok(day.map.place(name)?)).collect::<Result<Vec<usize>>>()?;
+    if !day.decide(time + wait, &places) {
+        return Err(bad("it is no way from the robot to where it has to go, along arcs of the map".into()));
     }
     Ok(())
 }

@@ -8,10 +8,13 @@
 //!   `/hri/human_goals` (`TrackedPersons` whose poses are everybody's goals), `/hri/risk`;
 //! - the rest: `/pedsim_simulator/simulated_walls`, `/clock`, and `/hri/interventions`, a JSON text
 //!   `{"stamp": s, "time": s, "context": {column: [value]}}` in which an empty list means that nothing is imposed.
+//! - of a working day, once a second: `/people_counter/PLACE`, `/robot_at/PLACE`, `/hour`, `/battery` (percent), `/load`, and
+//!   `/hri/leg`, a JSON text with the way on which somebody has to decide (parameter `guided`).
 //!
 //! Topics in:
 //! - `/ped/control/cmd_vel` and `twist_mux/scaling_factor`;
 //! - `/hri/control`: `pause`, `resume`, `step`, `step N`, `reset`, `autonomous`;
+//! - `/hri/way`: the decision on such a way, as seconds to wait and the names of its places;
 //! - `/hri/do`: an intervention, such as `robot.speed=0.2@60..90`.
 
 mod commands;

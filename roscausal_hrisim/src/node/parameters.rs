@@ -23,6 +23,8 @@ pub fn parameters() -> Vec<ParamSpec> {
         "speed" = Value::Double(1.0), Range(0.0, 1000.0),
             "how many times faster than real time; 0: as fast as the machine allows";
         "clock" = Value::Bool(true), Any, "publish /clock and stamp with simulated time";
+        "guided" = Value::Bool(false), Any,
+            "of a working day: the robot waits for /hri/way before each way, instead of taking the shortest at once";
         "every" = Value::Int(1), Range(1.0, 250.0), "steps of 0.04 s per message";
     }
 }
@@ -38,7 +40,10 @@ pub fn run<M: Middleware>(mw: &M) -> Result<()> {
         scenario.duration = params.double("duration");
     }
     scenario.add_interventions(&params.list("do"))?;
-    let simulation = Simulation::new(&scenario, u64::try_from(params.int("seed")).unwrap_or(0))?;
+    let mut simulation = Simulation::new(&scenario, u64::try_from(params.int("seed")).unwrap_or(0))?;
+    if let Some(day) = &mut simulation.day {
+        day.porter.guided = params.flag("guided");
+    }
     let speed = params.double("speed");
     let options = Options {
         pace: if speed > 0.0 { Pace::Times(speed) } else { Pace::Max },

@@ -20,6 +20,7 @@ use roscausal_msgs::{
 use super::sensors::{Measured, Sensors};
 use crate::{
     Simulation,
+    day::{Day, Leg},
     geometry::{Vec2, wrap},
     robot::Robot,
     simulation::Context,
@@ -27,6 +28,8 @@ use crate::{
 
 /// Goals, walls and interventions are published when they change, and repeated at this interval, seconds.
 const REPEAT: f64 = 1.0;
+/// Steps between two messages of a working day's topics: 1 s.
+const EVERY: u64 = 25;
 /// Queue of the ordinary topics.
 const DEPTH: usize = 50;
 /// The paper's `obs_size` and `safe_dist` for `/hri/risk`, metres.
@@ -45,6 +48,7 @@ pub struct Publisher<M: Middleware> {
     risk: M::Publisher<Float64>,
     tf: M::Publisher<TFMessage>,
     interventions: M::Publisher<Text>,
+    day: Option<DayTopics<M>>,
     /// What was last published on the topics that report changes, and when.
     reported: Option<Reported>,
     /// Whether the goal parameters cannot be set at present.
@@ -96,6 +100,7 @@ impl<M: Middleware> Publisher<M> {
             risk: mw.advertise("/hri/risk", Qos::Volatile(DEPTH))?,
             tf: mw.advertise("/tf", Qos::Volatile(DEPTH))?,
             interventions: mw.advertise("/hri/interventions", Qos::Latched)?,
+            day: simulation.day.as_ref().map(|day| DayTopics::new(mw, day)).transpose()?,
             reported: None,
             without_params: false,
         })
@@ -112,6 +117,11 @@ impl<M: Middleware> Publisher<M> {
         }
         self.tf.publish(&TFMessage { transforms })?;
         self.publish_people(simulation, stamp)?;
+        if let (Some(day), Some(topics)) = (&simulation.day, &mut self.day)
+            && simulation.steps().is_multiple_of(EVERY)
+        {
+            topics.publish(simulation, day)?;
+        }
         self.tell_changes(simulation, stamp)
     }
 
@@ -201,6 +211,64 @@ impl<M: Middleware> Publisher<M> {
             self.reported = Some(now);
         } else if let Some(reported) = &mut self.reported {
             *reported = Reported { since: reported.since, ..now };
+        }
+        Ok(())
+    }
+}
+
+/// The topics of a working day.
+struct DayTopics<M: Middleware> {
+    /// `/people_counter/PLACE`, in the order of the map.
+    counters: Vec<M::Publisher<Float64>>,
+    /// `/robot_at/PLACE`: 1 where the robot is, 0 elsewhere.
+    robot_at: Vec<M::Publisher<Float64>>,
+    /// `/hour`, `/battery` (percent), `/load` (0 or 1).
+    numbers: [M::Publisher<Float64>; 3],
+    /// `/hri/leg`: the way on which somebody has to decide, as JSON; `{}` if there is none.
+    leg: M::Publisher<Text>,
+    asked: Option<Leg>,
+}
+
+impl<M: Middleware> DayTopics<M> {
+    fn new(mw: &M, day: &Day) -> Result<Self> {
+        let at_places = |topic: &str| -> Result<Vec<M::Publisher<Float64>>> {
+            let names = day.map.places.iter().map(|place| format!("/{topic}/{}", place.name));
+            names.map(|name| mw.advertise(&name, Qos::Volatile(DEPTH))).collect()
+        };
+        let number = |topic: &str| mw.advertise(topic, Qos::Volatile(DEPTH));
+        let leg: M::Publisher<Text> = mw.advertise("/hri/leg", Qos::Latched)?;
+        leg.publish(&Text { data: "{}".into() })?;
+        Ok(Self {
+            counters: at_places("people_counter")?,
+            robot_at: at_places("robot_at")?,
+            numbers: [number("/hour")?, number("/battery")?, number("/load")?],
+            leg,
+            asked: None,
+        })
+    }
+
+    fn publish(&mut self, simulation: &Simulation, day: &Day) -> Result<()> {
+        let at = simulation.robots.first().and_then(|robot| day.counted_at(robot.position));
+        for (place, count) in day.counts(&simulation.crowd).into_iter().enumerate() {
+            self.counters[place].publish(&Float64 { data: f64::from(count) })?;
+            self.robot_at[place].publish(&Float64 { data: f64::from(at == Some(place)) })?;
+        }
+        let load = f64::from(day.porter.is_loaded());
+        for (topic, data) in self.numbers.iter().zip([day.clock(simulation.time()), day.porter.charge, load])
+        {
+            topic.publish(&Float64 { data })?;
+        }
+        let leg = day.porter.open_leg();
+        if self.asked.as_ref() != leg {
+            let name = |place: usize| &day.map.places[place].name;
+            let text = leg.map(|leg| {
+                serde_json::json!({
+                    "from": name(leg.from), "to": name(leg.to), "loaded": leg.loaded, "allowed": leg.allowed,
+                    "wait": (leg.latest - simulation.time()).max(0.0), "hour": day.clock(simulation.time()),
+                })
+            });
+            self.leg.publish(&Text { data: text.unwrap_or_else(|| serde_json::json!({})).to_string() })?;
+            self.asked = leg.cloned();
         }
         Ok(())
     }

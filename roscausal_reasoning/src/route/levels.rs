@@ -8,8 +8,8 @@
 //!    hours or days confounds nothing.
 //! 2. Levels: what is left of the means, as it would be with all causes at 0. A robot that empties the places it visits is a cause: the
 //!    plain mean of such a place is too low for a robot that thinks of coming, the level is not.
-//! 3. A day whose means differ from those of the days before by more than chance, in one hour or at one place, begins anew there: the
-//!    older days are put away for those hours or places.
+//! 3. A day whose means differ from those of the days before by more than days differ anyway, in one hour or at one place, begins anew
+//!    there: the older days are put away for those hours or places. The first two days tell how much days differ anyway.
 //!
 //! Example: at a place where people stand 3 of 4 seconds but leave while the robot is there, which is every second time, the mean is
 //! 0.38 and the level 0.75.
@@ -20,7 +20,7 @@ use roscausal_discovery::{DataFrame, Error, Result};
 
 use crate::{graph::Graph, linear::least_squares};
 
-/// A margin of a day has changed if its sum of squares lies this many standard deviations above what is expected.
+/// An hour or a place of a day has changed if its mean square lies this many standard deviations above the usual one.
 const CHANGED: f64 = 6.0;
 /// The largest share of a deviation that is left a row later.
 const MOST_KEPT: f64 = 0.9995;
@@ -267,8 +267,8 @@ fn begun_anew(sums: &[Vec<Sums>], bins: usize, inflation: &[f64]) -> (Vec<Anew>,
     let places = inflation.len();
     let mut since = vec![0; places * bins];
     let mut anew = Vec::new();
-    // How much larger than expected the sums of squares of unchanged margins were.
-    let (mut excess, mut seen) = (0.0, 0.0);
+    // The largest mean square of each margin, hours before places, on days that did not differ.
+    let mut usual = vec![1.0_f64; bins + places];
     for day in 1..sums.len() {
         let square = |cell: usize| -> Option<f64> {
             let mut pool = Sums::default();
@@ -281,30 +281,22 @@ fn begun_anew(sums: &[Vec<Sums>], bins: usize, inflation: &[f64]) -> (Vec<Anew>,
             (variance > 0.0).then(|| (pool.y / pool.n - today.y / today.n).powi(2) / variance)
         };
         let squares: Vec<Option<f64>> = (0..places * bins).map(square).collect();
-        let margin = |cells: &mut dyn Iterator<Item = usize>| {
-            let found: Vec<f64> = cells.filter_map(|cell| squares[cell]).collect();
-            (found.iter().sum::<f64>(), found.len() as f64)
-        };
-        let of_hour = |bin: usize| margin(&mut (0..places).map(|p| p * bins + bin));
-        let by_hour = (0..bins).map(|bin| (Some(bin), None, of_hour(bin)));
-        let by_place = (0..places).map(|p| (None, Some(p), margin(&mut (0..bins).map(|bin| p * bins + bin))));
-        // The first day that is compared has none before it: its hour in the middle says what is usual.
-        let mut ratios: Vec<f64> = (0..bins).map(of_hour).map(|(sum, count)| sum / count.max(1.0)).collect();
-        ratios.sort_by(f64::total_cmp);
-        let usual = if seen > 0.0 { excess / seen } else { ratios[bins / 2] };
-        let scale = usual.max(1.0);
         let mut renewed = BTreeSet::new();
-        for (hour, place, (sum, count)) in by_hour.chain(by_place) {
-            if count > 0.0 && sum / scale > count + CHANGED * (2.0 * count).sqrt() {
+        for (margin, usual) in usual.iter_mut().enumerate() {
+            let (hour, place) =
+                if margin < bins { (Some(margin), None) } else { (None, Some(margin - bins)) };
+            let is_in = |cell: &usize| {
+                hour.is_none_or(|h| cell % bins == h) && place.is_none_or(|p| cell / bins == p)
+            };
+            let found: Vec<f64> = (0..places * bins).filter(is_in).filter_map(|cell| squares[cell]).collect();
+            let count = found.len().max(1) as f64;
+            let mean = found.iter().sum::<f64>() / count;
+            // The second day only tells how much days differ anyway.
+            if day > 1 && mean > *usual * (1.0 + CHANGED * (2.0 / count).sqrt()) {
                 anew.push(Anew { day, hour, place });
-                renewed.extend(
-                    (0..places * bins).filter(|c| {
-                        hour.is_none_or(|h| c % bins == h) && place.is_none_or(|p| c / bins == p)
-                    }),
-                );
-            } else if hour.is_some() {
-                excess += sum;
-                seen += count;
+                renewed.extend((0..places * bins).filter(is_in));
+            } else {
+                *usual = usual.max(mean);
             }
         }
         renewed.into_iter().for_each(|cell| since[cell] = day);

@@ -4,10 +4,8 @@
 
 use std::collections::HashMap;
 
-use petgraph::{
-    algo::floyd_warshall::floyd_warshall_path,
-    graph::{NodeIndex, UnGraph},
-};
+pub use petgraph::graph::NodeIndex;
+use petgraph::{algo::floyd_warshall::floyd_warshall_path, graph::UnGraph};
 use roscausal_discovery::{Error, Result};
 use serde::{Deserialize, Serialize};
 

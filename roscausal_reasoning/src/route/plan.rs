@@ -13,6 +13,8 @@ use super::{
     pace::{Drain, Pace},
 };
 
+/// The largest number of a question: the seconds of a day.
+const LONGEST: f64 = 86_400.0;
 /// Seconds between two moments that are compared.
 pub const STEP: f64 = 60.0;
 
@@ -95,13 +97,29 @@ impl House<'_> {
     /// The best choice, and the best one of those that set out at once.
     ///
     /// # Errors
-    /// A trip in hours or through places that were never recorded.
+    /// A number that is none, below 0 or above a day, counts for other places than the map's; a trip in hours or through places that
+    /// were never recorded.
     pub fn best(&self, trip: &Trip<'_>) -> Result<(Choice, Choice)> {
+        let cost = [trip.cost.waiting, trip.cost.person, trip.cost.percent, trip.cost.late];
+        let numbers = [trip.hour, trip.horizon, trip.allowed.unwrap_or_default()];
+        let counts = trip.now.unwrap_or_default();
+        if numbers.iter().chain(&cost).chain(counts).any(|number| !(0.0..=LONGEST).contains(number)) {
+            return Err(Error::param("trip", format!("a number is below 0, above {LONGEST} or none")));
+        }
+        if trip.now.is_some() && counts.len() != self.map.places.len() {
+            let reason = format!(
+                "{} counts for {} places; give one for each, or none",
+                counts.len(),
+                self.map.places.len()
+            );
+            return Err(Error::param("now", reason));
+        }
         let free: Vec<f64> =
             self.map.distance[trip.from].iter().map(|metres| metres * self.pace.free).collect();
         let longest = free.iter().fold(0.0, |a: f64, b| a.max(*b));
         let steps = (trip.horizon / STEP) as usize;
-        let table = self.table(trip, steps + (3.0 * longest / STEP) as usize + 1);
+        // Beyond a day more nothing is expected.
+        let table = self.table(trip, steps + (longest / STEP).min(LONGEST / STEP) as usize + 1);
         let refused = || {
             let (from, to) = (&self.map.places[trip.from].name, &self.map.places[trip.to].name);
             Error::Data(format!(
