@@ -287,3 +287,46 @@ fn resamples_give_a_sweep_the_table_of_what_shares_meant_and_shards_merge_to_it(
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("--resamples: 5 is not from 20"));
 }
+
+#[test]
+fn days_are_recorded_analysed_and_asked_for_a_route() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let done = |args: &[&str]| {
+        let output = roscausal(dir.path(), args);
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success(), "{args:?}: {text}{}", String::from_utf8_lossy(&output.stderr));
+        text
+    };
+    let table = done(&["experiment", "day", "--hours", "1", "--seeds", "1..1", "--tables", "--out", "days"]);
+    assert!(table.contains("causal") && table.contains("a team doubled"), "{table}");
+    assert_eq!(read(dir.path(), "days/days.csv").lines().count(), 1 + 4 * 6);
+    let days: Vec<String> = (1..=4).map(|day| format!("days/house_1_day_{day}.csv")).collect();
+    let mut analyse = vec!["discover"];
+    analyse.extend(days.iter().map(String::as_str));
+    analyse.extend(["--recording", "place", "--columns", "people,robot,hour", "--method", "pcmci"]);
+    analyse.extend(["--test", "parcorr", "--tau-max", "1", "-o", "model"]);
+    done(&analyse);
+    let days = days.join(",");
+    let mut ask = vec!["route", "model", "--map", "days/house_1.toml", "--data", &days];
+    ask.extend(["--from", "dock_s0", "--to", "dock_n3", "--at", "8:30"]);
+    let text = done(&ask);
+    assert!(text.contains("people on the way") && text.contains("It rests on 4 days"), "{text}");
+    let json = done(&[ask.as_slice(), &["--json", "--loaded", "--allowed", "120"]].concat());
+    assert!(json.contains("\"places\":[\"dock_s0\"") && json.contains("dock_n3"), "{json}");
+    for (flag, value, code) in
+        [("--at", "20:00", 3), ("--to", "moon", 2), ("--now", "1,2", 2), ("--at", "8:99", 2)]
+    {
+        let mut wrong = ask.clone();
+        match wrong.iter().position(|word| *word == flag) {
+            Some(place) => wrong[place + 1] = value,
+            None => wrong.extend([flag, value]),
+        }
+        let output = roscausal(dir.path(), &wrong);
+        assert_eq!(
+            output.status.code(),
+            Some(code),
+            "{flag} {value}: {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+    }
+}

@@ -22,6 +22,8 @@ const FELT: f64 = 3.0;
 const SHUNNED: f64 = 6.0;
 /// How likely somebody who stands at such a place leaves it within a second.
 const LEAVES: f64 = 0.05;
+/// From the entrance to where they come from and go to, metres.
+const OUTSIDE: Vec2 = Vec2::new(-10.0, 0.0);
 /// They stray at most this far from the straight line between two places, metres.
 const STRAY: f64 = 1.5;
 
@@ -73,7 +75,7 @@ impl Day {
     /// The people before they come: all stand outside of the entrance.
     pub(super) fn people(&mut self) -> Crowd {
         let entrance = self.place_of_kind("entrance");
-        let outside = self.at(entrance) + Vec2::new(-10.0, 0.0);
+        let outside = self.at(entrance) + OUTSIDE;
         let mut members = Vec::new();
         for (team, count) in self.spec.teams.clone().into_iter().enumerate() {
             for _ in 0..count {
@@ -144,9 +146,12 @@ impl Day {
             _ => 10.0,
         };
         let stays = -minutes * 60.0 * (1.0 - self.rng.unit()).ln();
+        let goes_home = time >= self.workers[index].shift.1 && place == self.place_of_kind("entrance");
+        let outside = self.at(place) + OUTSIDE + self.rng.normal2(0.5);
         let worker = &mut self.workers[index];
         worker.here = place;
-        worker.until = if time >= worker.shift.1 { f64::INFINITY } else { time + stays };
+        worker.until = if goes_home { f64::INFINITY } else { time + stays };
+        worker.spot = if goes_home { outside } else { worker.spot };
     }
 
     /// Leaves for another place when the time is over, or when the robot is here.
