@@ -43,6 +43,9 @@ const CHANGES: [&str; 4] = ["unchanged", "lunch two hours later", "an aisle clos
 const POLICIES: [&str; 6] =
     ["shortest", "off-peak", "mean by hour and place", "autoregression", "causal", "oracle"];
 
+/// The policy that the others are set beside.
+const MEAN: usize = 2;
+
 /// Arguments of `roscausal experiment day`.
 #[derive(ClapArgs)]
 #[command(mut_arg("out", |arg| arg.default_value("roscausal_experiment_day").help("Folder for days.csv and measures.csv")))]
@@ -58,7 +61,7 @@ pub(super) struct Args {
 }
 
 /// What a day came to.
-struct Result1 {
+struct Driven {
     seed: u64,
     change: usize,
     policy: usize,
@@ -75,12 +78,12 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let seeds = args.runner.seeds()?;
     let results = args.runner.begin(interrupt)?;
     let days = args.runner.each(&seeds, "houses", |seed| args.house(seed, interrupt))?;
-    let days: Vec<Result1> = days.into_iter().flatten().collect();
+    let days: Vec<Driven> = days.into_iter().flatten().collect();
     end(&args.runner.out, results, None, &[("days.csv", csv(&days))], &text(&days))
 }
 
 impl Args {
-    fn house(&self, seed: u64, interrupt: &Interrupt) -> Result<Vec<Result1>> {
+    fn house(&self, seed: u64, interrupt: &Interrupt) -> Result<Vec<Driven>> {
         let mut spec = DaySpec { house: seed, hours: self.hours, ..DaySpec::warehouse(4, 7) };
         let mut recorded = Days { names: NAMES.map(str::to_owned).to_vec(), row: ROW_S, ..Days::default() };
         let arrow = |cause, effect, lag| Arrow { cause, effect, lag };
@@ -119,7 +122,7 @@ impl Args {
                 };
                 let day = drive(&spec, first + 90, policy, known.as_ref(), interrupt)?;
                 let porter = &day.porter;
-                days.push(Result1 {
+                days.push(Driven {
                     seed,
                     change,
                     policy,
@@ -236,9 +239,10 @@ fn drive(
         let Some(leg) = day.porter.open_leg().cloned() else { continue };
         let hour = day.clock(time);
         let (wait, places) = match known {
-            // The half hours around lunch and the first and last hour are busy ways; others are free.
+            // The half hours in which a team goes to lunch are busy.
             None => {
-                let peak = (hour - spec.lunch).abs() < 0.25 || (hour - spec.lunch - 1.0).abs() < 0.25;
+                let lunch = DaySpec::default().lunch;
+                let peak = policy == 1 && [lunch, lunch + 1.0].iter().any(|at| (hour - at).abs() < 0.25);
                 (if peak { 900.0 } else { 0.0 }, day.map.way(leg.from, leg.to))
             }
             Some(known) => {
@@ -250,7 +254,7 @@ fn drive(
                     hour,
                     horizon: (leg.latest - time).max(0.0).min(if leg.loaded { 600.0 } else { 1e9 }),
                     allowed: Some(leg.allowed),
-                    now: (policy != 2).then_some(counts.as_slice()),
+                    now: (policy != MEAN).then_some(counts.as_slice()),
                     cost: Cost::default(),
                 };
                 let (best, _) = house.best(&trip)?;
@@ -262,10 +266,10 @@ fn drive(
     simulation.day.take().ok_or_else(no_day)
 }
 
-fn csv(days: &[Result1]) -> String {
+fn csv(days: &[Driven]) -> String {
     let mut csv = String::from("seed,house,policy,tasks,done,empty,driven_m,wasted_m,close_s\n");
     for day in days {
-        let Result1 { seed, tasks, done, empty, driven, wasted, close, .. } = day;
+        let Driven { seed, tasks, done, empty, driven, wasted, close, .. } = day;
         let (change, policy) = (CHANGES[day.change], POLICIES[day.policy]);
         let _ = writeln!(
             csv,
@@ -275,29 +279,41 @@ fn csv(days: &[Result1]) -> String {
     csv
 }
 
-fn text(days: &[Result1]) -> String {
+fn text(days: &[Driven]) -> String {
     let mut text = String::new();
     for (change, name) in CHANGES.iter().enumerate() {
-        let _ = writeln!(text, "{name}\n  {:24} done in time     metres wasted   close    empty", "");
+        let of = |policy: usize| -> Vec<&Driven> {
+            days.iter().filter(|day| day.change == change && day.policy == policy).collect()
+        };
+        let share = |day: &Driven| 100.0 * day.done as f64 / day.tasks.max(1) as f64;
+        let _ = writeln!(text, "{name}\n  {:24} done in time    beside the mean  wasted  close  empty", "");
         for (policy, name) in POLICIES.iter().enumerate() {
-            let of: Vec<&Result1> =
-                days.iter().filter(|day| day.change == change && day.policy == policy).collect();
-            let sum = |get: fn(&Result1) -> f64| of.iter().map(|day| get(day)).sum::<f64>();
-            let n = of.len().max(1) as f64;
-            let shares: Vec<f64> =
-                of.iter().map(|day| 100.0 * day.done as f64 / day.tasks.max(1) as f64).collect();
-            let mean = shares.iter().sum::<f64>() / n;
-            let sd =
-                (shares.iter().map(|share| (share - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
+            let (of, mean) = (of(policy), of(MEAN));
+            let sum = |get: fn(&Driven) -> f64| of.iter().map(|day| get(day)).sum::<f64>();
+            let done = interval(of.iter().map(|day| share(day)));
+            // The same house and day for both.
+            let better = interval(of.iter().zip(&mean).map(|(day, mean)| share(day) - share(mean)));
             let _ = writeln!(
                 text,
-                "  {name:24} {mean:5.1} % +- {:4.1}   {:5.1} %   {:6.0} s   {:4.0}",
-                1.96 * sd / n.sqrt(),
+                "  {name:24} {:5.1} % +- {:4.1}  {:+5.1} +- {:4.1}  {:5.1} % {:4.0} s {:5.0}",
+                done.0,
+                done.1,
+                better.0,
+                better.1,
                 100.0 * sum(|day| day.wasted) / sum(|day| day.driven).max(1.0),
-                sum(|day| day.close) / n,
+                sum(|day| day.close) / of.len().max(1) as f64,
                 sum(|day| day.empty as f64),
             );
         }
     }
     text
+}
+
+/// The mean, and half of its 95 % interval.
+fn interval(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let values: Vec<f64> = values.collect();
+    let n = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let square = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+    (mean, 1.96 * (square / (n - 1.0).max(1.0) / n).sqrt())
 }
