@@ -117,7 +117,7 @@ pub(crate) enum Command {
     #[command(after_help = examples::EXPLAIN)]
     Explain(reasoning::ExplainArgs),
     /// Say where and when a robot should go: by which places and at which moment, from days of counts.
-    #[command(after_help = examples::ROUTE)]
+    #[command(after_help = examples::ROUTE, override_usage = "roscausal route MODEL --map FILE --data FILES\n       --from PLACE --to PLACE --at HH:MM [OPTIONS]")]
     Route(route::Args),
 }
 

@@ -19,6 +19,11 @@ use std::{
 };
 
 use ndarray::Axis;
+use roscausal_msgs::{
+    geometry_msgs::{Point, Pose, Quaternion},
+    nav_msgs::{MapMetaData, OccupancyGrid},
+    std_msgs::Header,
+};
 use roscausal_reasoning::{
     graph::Graph,
     model::graph_of_json,
@@ -62,6 +67,58 @@ pub fn map(path: &Path) -> Result<Map> {
         file = *day;
     }
     Map::new(file.places, &file.arcs).map_err(|error| Error::file(path, error))
+}
+
+/// The value of a map's cell at which nobody should pass: so many people at a place count as that.
+const FULL: f64 = 5.0;
+/// Metres around places and arcs that have the cost of the people there, and metres around the whole map.
+const REACH: f64 = 2.0;
+const MARGIN: f64 = 5.0;
+/// Most cells along an axis.
+const MOST_CELLS: f64 = 2000.0;
+
+/// What is expected at an hour as a grid for a costmap filter: 0 where nobody is expected to 100 where five people or more are; -1
+/// away from all places and arcs, and where nothing was recorded.
+pub fn costs(map: &Map, known: &Known, hour: f64, resolution: f64) -> OccupancyGrid {
+    let axis = |axis: usize| {
+        let (low, high) = map
+            .places
+            .iter()
+            .map(|place| place.at[axis])
+            .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
+        (low - MARGIN, ((high - low + 2.0 * MARGIN) / resolution).ceil().min(MOST_CELLS) as u32)
+    };
+    let ((x, width), (y, height)) = (axis(0), axis(1));
+    let level = |place: usize| known.levels.level(place, hour).map(|level| level.mean.max(0.0));
+    let arcs = map.graph.raw_edges().iter().map(|edge| [edge.source().index(), edge.target().index()]);
+    let arcs: Vec<([[f64; 2]; 2], [Option<f64>; 2])> =
+        arcs.map(|ends| (ends.map(|place| map.places[place].at), ends.map(level))).collect();
+    let cell = |column: u32, row: u32| {
+        let at = [x + (f64::from(column) + 0.5) * resolution, y + (f64::from(row) + 0.5) * resolution];
+        let near = arcs.iter().map(|(ends, levels)| (along(ends, at), levels));
+        let ((share, _), levels) =
+            near.filter(|((_, far), _)| *far <= REACH).min_by(|a, b| a.0.1.total_cmp(&b.0.1))?;
+        Some(levels[0]? * (1.0 - share) + levels[1]? * share)
+    };
+    let value = |(column, row)| {
+        cell(column, row).map_or(-1, |people| (100.0 * people / FULL).min(100.0).round() as i8)
+    };
+    let cells = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
+    let origin = Pose { position: Point { x, y, z: 0.0 }, orientation: Quaternion::default() };
+    OccupancyGrid {
+        header: Header::default(),
+        info: MapMetaData { resolution: resolution as f32, width, height, origin, ..MapMetaData::default() },
+        data: cells.map(value).collect(),
+    }
+}
+
+/// Where on the way between two places a position lies, from 0 to 1, and how far it is from it.
+fn along([a, b]: &[[f64; 2]; 2], p: [f64; 2]) -> (f64, f64) {
+    let (way, offset) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+    let square = way[0] * way[0] + way[1] * way[1];
+    let share =
+        if square > 0.0 { ((offset[0] * way[0] + offset[1] * way[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
+    (share, (offset[0] - share * way[0]).hypot(offset[1] - share * way[1]))
 }
 
 /// A house whose days are added while somebody asks: a map, a model, and a folder with a table for each day, in order of their names.

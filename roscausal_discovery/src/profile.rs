@@ -421,12 +421,22 @@ fn same_recordings(data: &DataFrame) -> Vec<Fault> {
         let (a, b) = (&recordings[a], &recordings[b]);
         a.dim() == b.dim() && a.iter().zip(b).all(same_value)
     };
+    // A column that recordings have in common which differ otherwise, such as the hour, is no copy; neither is one that stands still.
+    let tells = |a: usize, column: usize| {
+        let of = recordings[a].column(column);
+        let common = |other: usize| {
+            let there = recordings[other].column(column);
+            other != a && of.len() == there.len() && of.iter().zip(there).all(same_value) && !same(a, other)
+        };
+        of.iter().any(|value| !same_value((value, &of[0]))) && !(0..recordings.len()).any(common)
+    };
+    let is_copy = |a: usize, b: usize| {
+        recordings[a].nrows() > 1
+            && same(a, b)
+            && (recordings.len() == 2 || (0..data.n_vars()).any(|k| tells(a, k)))
+    };
     let pairs = (0..recordings.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
-    pairs
-        .filter(|&(a, b)| recordings[a].nrows() > 1 && same(a, b))
-        .map(|(a, b)| Fault::SameRecording(a, b))
-        .take(1)
-        .collect()
+    pairs.filter(|&(a, b)| is_copy(a, b)).map(|(a, b)| Fault::SameRecording(a, b)).take(1).collect()
 }
 
 /// Columns that are the same, and remarks on those that are combinations of others: what a Gram-Schmidt of the standardised
@@ -654,5 +664,14 @@ mod tests {
         assert_eq!(of(vec![flag]).1, [Fault::MissingFlag { name: "b".into(), value: -999.0, count: 2 }]);
         let once = noise(100, 2, 3);
         assert_eq!(of(vec![once.clone(), noise(100, 2, 4), once]).1, [Fault::SameRecording(0, 2)]);
+        // Places where nothing happens share the hour of the day with all others.
+        let hours = |mut rows: Array2<f64>, busy: f64| {
+            rows.column_mut(0).iter_mut().for_each(|value| *value *= busy);
+            rows.column_mut(1).iter_mut().enumerate().for_each(|(t, value)| *value = t as f64);
+            rows
+        };
+        let of_a_house = |busy: [f64; 3]| [0, 1, 2].map(|k| hours(noise(100, 2, k as u64), busy[k])).to_vec();
+        assert_eq!(of(of_a_house([1.0, 0.0, 0.0])).1, []);
+        assert_eq!(of(of_a_house([0.0, 0.0, 0.0])).1.len(), 1);
     }
 }

@@ -228,6 +228,14 @@ impl Area {
     }
 }
 
+/// Refuses a number of the field `name` outside of a range.
+pub(crate) fn number(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::param(name, format!("{value} is not allowed; use a number from {low} to {high}")))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

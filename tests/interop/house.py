@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import time
 
 PLACES = {"charger": (-8, 0, "charger"), "left": (0, 0, "corridor"), "upper": (6, 5, "shelf"), "lower": (6, -6, "shelf"),
           "right": (12, 0, "corridor"), "dock_w": (0, 8, "dock"), "dock_e": (18, 0, "dock"), "entrance": (12, 8, "entrance")}
@@ -57,3 +58,21 @@ def check(answer, leg):
     assert CROWDED not in answer.places, answer
     assert answer.lower < answer.seconds < answer.upper and answer.text and "2 days" in answer.caveats[0], answer
     return "%r %s" % (answer.wait, " ".join(answer.places))
+
+
+def offset():
+    """Hours from UTC to half past eight, now."""
+    return 8.5 - time.time() / 3600 % 24
+
+
+def check_grid(grid):
+    """The grid of costs: dear at the crowded place, cheap at the free one, unknown far away."""
+    info = grid.info
+
+    def at(place):
+        x, y, _ = PLACES[place]
+        column, row = (int((value - low) / info.resolution) for value, low in ((x, info.origin.position.x), (y, info.origin.position.y)))
+        return grid.data[row * info.width + column]
+
+    assert grid.header.frame_id == "map" and len(grid.data) == info.width * info.height, info
+    assert at(CROWDED) == 100 and 0 <= at(FREE) < 20 and grid.data[0] == -1, (at(CROWDED), at(FREE), grid.data[0])

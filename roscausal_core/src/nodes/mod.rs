@@ -46,8 +46,8 @@ pub use human::human;
 pub use markers::markers;
 pub use model_changes::CHANGES_TOPIC;
 pub use reasoning::{
-    CANCEL_SERVICE, EFFECT_SERVICE, EXPLAIN_SERVICE, PREDICTION_TOPIC, ROUTE_SERVICE, STRUCTURAL_MODEL_TOPIC,
-    WHAT_IF_SERVICE, reasoning, reasoning_beside,
+    CANCEL_SERVICE, EFFECT_SERVICE, EXPLAIN_SERVICE, PREDICTION_TOPIC, ROUTE_COSTS_TOPIC, ROUTE_SERVICE,
+    STRUCTURAL_MODEL_TOPIC, WHAT_IF_SERVICE, reasoning, reasoning_beside,
 };
 pub use recorded_changes::{CHANGES_FOLDER, RecordedChange, recorded_changes};
 pub use robot::robot;

@@ -20,6 +20,8 @@ use roscausal_msgs::{
     Cancel, CancelRequest, CancelResponse, CausalModelInfo, Effect, EffectRequest, EffectResponse, Explain,
     ExplainRequest, ExplainResponse, Features, Prediction, Route, RouteRequest, RouteResponse, Time, WhatIf,
     WhatIfRequest, WhatIfResponse,
+    nav_msgs::OccupancyGrid,
+    nav2_msgs::CostmapFilterInfo,
     std_msgs::{Header, String as Text},
 };
 use roscausal_reasoning::{
@@ -42,8 +44,9 @@ use super::{
 };
 use crate::{
     Error, Result,
+    house::costs as costs_of,
     inbox::{Inbox, Next, Sender},
-    middleware::{Middleware, Publish, Qos, Reply},
+    middleware::{Middleware, Publish, Qos, Reply, namespace_of},
     params::Params,
 };
 
@@ -59,6 +62,9 @@ pub const EXPLAIN_SERVICE: &str = "roscausal/explain";
 pub const EFFECT_SERVICE: &str = "roscausal/effect";
 /// Where and when should the robot go?
 pub const ROUTE_SERVICE: &str = "roscausal/route";
+/// Topic of what people by place and hour cost a planner, and that of how Nav2 reads it.
+pub const ROUTE_COSTS_TOPIC: &str = "roscausal/route_costs";
+const COSTS_INFO_TOPIC: &str = "roscausal/route_costs_info";
 /// Ends questions.
 pub const CANCEL_SERVICE: &str = "roscausal/cancel";
 
@@ -81,6 +87,7 @@ enum Event {
     Cancel(CancelRequest, Reply<CancelResponse>),
     /// The fit of the graph with this number.
     Fitted(u64, Result<StructuralModel>),
+    Costs(Result<OccupancyGrid>),
 }
 
 /// A graph to reason on, and since when there is one.
@@ -119,6 +126,8 @@ struct Node<M: Middleware> {
     bad_message: Option<String>,
     prediction: M::Publisher<Prediction>,
     structural: M::Publisher<Text>,
+    /// The grid of costs, where there is a house.
+    costs: Option<M::Publisher<OccupancyGrid>>,
     fitted: Sender<Event>,
 }
 
@@ -154,6 +163,16 @@ fn with_inbox<M: Middleware>(mw: &M, inbox: Inbox<Event>, in_line: bool) -> Resu
     let _effect =
         mw.serve::<Effect>(EFFECT_SERVICE, move |q, reply| strength.send(Event::Effect(q, reply)))?;
     let _route = mw.serve::<Route>(ROUTE_SERVICE, move |q, reply| way.send(Event::Route(q, reply)))?;
+    // Nav2 asks how to read the grid; ROS 1 does not have this type.
+    let info = CostmapFilterInfo {
+        filter_mask_topic: format!("{}/{ROUTE_COSTS_TOPIC}", namespace_of(&mw.node_name())),
+        multiplier: 1.0,
+        ..CostmapFilterInfo::default()
+    };
+    let _info = match node.costs.as_ref().map(|_| mw.advertise(COSTS_INFO_TOPIC, Qos::Latched)) {
+        Some(Ok(topic)) => topic.publish(&info).map(|()| Some(topic))?,
+        _ => None,
+    };
     let _cancel = mw.serve::<Cancel>(CANCEL_SERVICE, move |q, reply| end.send(Event::Cancel(q, reply)))?;
     let _models = match node.wanted {
         Some(_) => None,
@@ -178,11 +197,13 @@ fn with_inbox<M: Middleware>(mw: &M, inbox: Inbox<Event>, in_line: bool) -> Resu
             Next::Event(Event::WhatIf(request, reply)) => node.what_if(request, reply),
             Next::Event(Event::Explain(request, reply)) => node.explain(request, reply),
             Next::Event(Event::Effect(request, reply)) => node.effect(request, reply),
+            Next::Event(Event::Costs(grid)) => node.take_costs(grid),
             Next::Event(Event::Route(request, reply)) => node.route(request, reply),
             Next::Event(Event::Cancel(request, reply)) => reply.send(node.cancel(&request)),
         }
         if mw.now() >= node.next_fit {
             node.fit();
+            node.find_costs();
         }
         node.report(&mut health, inbox.dropped());
     }
@@ -215,6 +236,10 @@ impl<M: Middleware> Node<M> {
             bad_message: None,
             prediction: mw.advertise(PREDICTION_TOPIC, Qos::Volatile(10))?,
             structural: mw.advertise(STRUCTURAL_MODEL_TOPIC, Qos::Latched)?,
+            costs: match params.house {
+                Some(_) => Some(mw.advertise(ROUTE_COSTS_TOPIC, Qos::Latched)?),
+                None => None,
+            },
             fitted,
             mw: mw.clone(),
             in_line,
@@ -580,6 +605,30 @@ impl<M: Middleware> Node<M> {
         self.answer(reply, refuse, move || {
             route_response(&house, &request).unwrap_or_else(|(status, reason)| refuse(status, reason))
         });
+    }
+
+    /// Computes what people cost a planner at this hour, beside the node.
+    fn find_costs(&self) {
+        let Some(house) = self.params.house.clone() else { return };
+        let stamp = self.mw.now();
+        let hour = (stamp.as_secs_f64() / 3600.0 + self.params.house_hour).rem_euclid(24.0);
+        let (cell, inbox) = (self.params.house_cell, self.fitted.clone());
+        let work = move || {
+            let told = house.newest()?;
+            let header = Header { stamp, frame_id: "map".into() };
+            Ok(OccupancyGrid { header, ..costs_of(&told.0, &told.1, hour, cell) })
+        };
+        if self.in_line {
+            return self.take_costs(work());
+        }
+        self.pool.spawn(move || inbox.send(Event::Costs(work())));
+    }
+
+    fn take_costs(&self, grid: Result<OccupancyGrid>) {
+        let Some(topic) = &self.costs else { return };
+        if let Err(error) = grid.and_then(|grid| topic.publish(&grid)) {
+            tracing::warn!("no grid of costs: {error}");
+        }
     }
 
     fn report(&self, health: &mut Health<M>, dropped: u64) {

@@ -49,6 +49,8 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         "route_map" = text(""), Any, "file with the places of a house, for /roscausal/route; empty: no routes";
         "route_model" = text(""), Any, "file with the causal model of what is counted at the places";
         "route_days" = text(""), Any, "folder with a table for each day, in order of their names; new ones are read when asked";
+        "route_hour" = Double(0.0), Range(-24.0, 24.0), "hours from the clock's UTC to the hours of the tables, for the grid of costs";
+        "route_resolution" = Double(0.5), Range(0.05, 10.0), "width of a cell of the grid of costs, metres";
         "route_count" = text("people"), Any, "the variable that is counted at the places";
         "threads" = Int(0), Range(0.0, 1024.0), "threads for answers and fits; 0: all cores";
     }
@@ -72,6 +74,9 @@ pub(super) struct ReasoningParams {
     pub(super) threads: usize,
     /// The house of `/roscausal/route`.
     pub(super) house: Option<Arc<House>>,
+    /// Hours from UTC to its tables, and the width of a cell, metres.
+    pub(super) house_hour: f64,
+    pub(super) house_cell: f64,
 }
 
 impl ReasoningParams {
@@ -115,6 +120,8 @@ impl ReasoningParams {
             person: params.text("person"),
             allow_extrapolation: params.flag("allow_extrapolation"),
             threads: params.count("threads"),
+            house_hour: params.double("route_hour"),
+            house_cell: params.double("route_resolution"),
             house: params.text_if_set("route_map").map(|map| {
                 let [model, days] = ["route_model", "route_days"].map(|name| path(&params.text(name)));
                 Arc::new(House::new(path(&map), model, days, params.text("route_count")))

@@ -151,7 +151,7 @@ impl DaySpec {
             ("teams", self.teams.iter().sum::<usize>() as f64, 0.0, 1000.0),
         ];
         for (name, value, low, high) in ranges {
-            crate::scenario::number(&format!("day.{name}"), value, low, high)?;
+            crate::geometry::number(&format!("day.{name}"), value, low, high)?;
         }
         for name in &self.closed {
             map.place(name).map_err(|error| Error::param("day.closed", error))?;

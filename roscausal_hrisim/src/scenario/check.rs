@@ -4,7 +4,7 @@ use roscausal_core::{Error, Result};
 
 use super::{Plan, Scenario};
 use crate::{
-    geometry::{Segment, Vec2},
+    geometry::{Segment, Vec2, number},
     intervention::{Intervention, Target},
     plans::{person_areas, robot_waypoints},
     world::{MAPS, World},
@@ -230,13 +230,6 @@ impl super::Noise {
             ("robot_turn", self.robot_turn),
         ]
     }
-}
-
-pub(crate) fn number(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(Error::param(name, format!("{value} is not allowed; use a number from {low} to {high}")))
 }
 
 fn count(name: &str, value: usize, most: usize) -> Result<()> {

@@ -15,7 +15,6 @@ use crate::{
 };
 
 pub use builtin::SCENARIOS;
-pub(crate) use check::number;
 
 /// Who goes where and when.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -45,7 +45,10 @@ macro_rules! for_every_type {
             geometry_msgs::Twist
             geometry_msgs::TwistStamped
             geometry_msgs::TwistWithCovariance
+            nav2_msgs::CostmapFilterInfo
             nav2_msgs::SpeedLimit
+            nav_msgs::MapMetaData
+            nav_msgs::OccupancyGrid
             nav_msgs::Odometry
             nav_msgs::Path
             tf2_msgs::TFMessage

@@ -21,6 +21,7 @@ from roscausal_msgs.srv import (Effect, EffectRequest, Explain, ExplainRequest, 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 import house
 import known_system
+from nav_msgs.msg import OccupancyGrid
 from std_msgs.msg import Float64, String
 
 from harness import NODE, Group, Process, eventually
@@ -361,7 +362,7 @@ def a_question_that_needs_no_computation_there_and_back(roscore):
 def a_robot_asks_for_its_ways_and_drives_them_past_the_crowd(roscore):
     with tempfile.TemporaryDirectory() as folder:
         scenario, model, days = house.write(folder)
-        for name, value in (("map", scenario), ("model", model), ("days", days)):
+        for name, value in (("map", scenario), ("model", model), ("days", days), ("hour", house.offset())):
             roscore.param("/roscausal_reasoning/route_" + name, value)
         for name, value in (("scenario", scenario), ("guided", True), ("speed", 10.0)):
             roscore.param("/roscausal_hrisim/" + name, value)
@@ -369,6 +370,7 @@ def a_robot_asks_for_its_ways_and_drives_them_past_the_crowd(roscore):
             asked = lambda **more: ask("route", RouteRequest(**more))
             assert asked(from_place="left", to_place="nowhere", hour=8.5).status == RouteResponse.BAD_REQUEST
             assert asked(from_place="left", to_place="right", hour=20.0).status == RouteResponse.NOT_SUPPORTED
+            house.check_grid(rospy.wait_for_message("/roscausal/route_costs", OccupancyGrid, 30))
             legs, numbers = [], {}
             topics = ("/battery", "/hour", "/people_counter/upper", "/robot_at/dock_e")
             heard = [rospy.Subscriber("/hri/leg", String, lambda message: legs.append(json.loads(message.data)))]

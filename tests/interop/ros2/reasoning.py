@@ -11,7 +11,8 @@ import tempfile
 import time
 
 from builtin_interfaces.msg import Time
-from nav2_msgs.msg import SpeedLimit
+from nav2_msgs.msg import CostmapFilterInfo, SpeedLimit
+from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64, String
 
@@ -337,13 +338,19 @@ def a_question_that_needs_no_computation_there_and_back():
 def a_robot_asks_for_its_ways_and_drives_them_past_the_crowd():
     with tempfile.TemporaryDirectory() as folder:
         scenario, model, days = house.write(folder)
-        given = [f"route_map:={scenario}", f"route_model:={model}", f"route_days:={days}"]
+        given = [f"route_map:={scenario}", f"route_model:={model}", f"route_days:={days}", f"route_hour:={house.offset():.4f}"]
         simulated = [f"scenario:={scenario}", "guided:=true", "speed:=10.0"]
         words = lambda params: [word for param in params for word in ("-p", param)]
         with node("reasoning", *words(given)), Ros() as ros:
             asked = lambda **more: ros.call(Route, "/roscausal/route", Route.Request(**more))
             assert asked(from_place="left", to_place="nowhere", hour=8.5).status == Route.Response.BAD_REQUEST
             assert asked(from_place="left", to_place="right", hour=20.0).status == Route.Response.NOT_SUPPORTED
+            grids, infos = [], []
+            kept = [ros.node.create_subscription(OccupancyGrid, "/roscausal/route_costs", grids.append, LATCHED),
+                    ros.node.create_subscription(CostmapFilterInfo, "/roscausal/route_costs_info", infos.append, LATCHED)]
+            ros.until(lambda: grids and infos, 30, "a grid of costs and how to read it")
+            house.check_grid(grids[-1])
+            assert infos[-1].filter_mask_topic == "/roscausal/route_costs" and infos[-1].multiplier == 1.0, (infos, kept)
             legs, numbers = [], {}
             take = lambda name: lambda message: numbers.__setitem__(name, message.data)
             heard = [ros.node.create_subscription(String, "/hri/leg", lambda message: legs.append(json.loads(message.data)), LATCHED)]
