@@ -301,8 +301,8 @@ fn days_are_recorded_analysed_and_asked_for_a_route() {
     assert!(table.contains("causal") && table.contains("a team doubled"), "{table}");
     assert_eq!(read(dir.path(), "days/days.csv").lines().count(), 1 + 4 * 6);
     let days: Vec<String> = (1..=4).map(|day| format!("days/house_1_day_{day}.csv")).collect();
-    let mut analyse = vec!["discover"];
-    analyse.extend(days.iter().map(String::as_str));
+    // Of days of one hour two may be the same at the charger.
+    let mut analyse = vec!["discover", &days[0]];
     analyse.extend(["--recording", "place", "--columns", "people,robot,hour", "--method", "pcmci"]);
     analyse.extend(["--test", "parcorr", "--tau-max", "1", "-o", "model"]);
     done(&analyse);

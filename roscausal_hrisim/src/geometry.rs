@@ -5,6 +5,7 @@ use std::{
     ops::{Add, AddAssign, Mul, Neg, Sub},
 };
 
+use roscausal_core::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::rng::Rng;
