@@ -48,7 +48,7 @@ pub(crate) struct Args {
     #[arg(long, value_delimiter = ',', value_name = "COUNTS")]
     now: Option<Vec<f64>>,
     /// What costs as much as a second on the way: a second of waiting, a person met, a percent of the battery, and being late.
-    #[arg(long, value_delimiter = ',', num_args = 4, default_values_t = [0.02, 0.0, 1.0, 300.0], value_name = "SECONDS")]
+    #[arg(long, value_delimiter = ',', default_values_t = [0.02, 0.0, 1.0, 300.0], value_name = "SECONDS")]
     cost: Vec<f64>,
     /// Print one JSON object.
     #[arg(long)]
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &Args) -> Result<Status> {
     let (from, to) = (map.place(&args.from)?, map.place(&args.to)?);
     let known = house::known(&map, &model_in(&args.model)?, &args.data, &args.count)?;
     let [waiting, person, percent, late] = args.cost[..] else {
-        return Err(Error::param("cost", "give four numbers"));
+        return Err(Error::param("cost", "give four numbers, such as 0.02,0,1,300"));
     };
     let trip = Trip {
         from,
@@ -82,31 +82,33 @@ pub(crate) fn run(args: &Args) -> Result<Status> {
         now: args.now.as_deref(),
         cost: Cost { waiting, person, percent, late },
     };
-    let (best, at_once) = match known.house(&map, args.loaded).best(&trip) {
+    let found = known.house(&map, args.loaded).best(&trip);
+    let notes = known.notes(&map, args.loaded);
+    let (best, at_once) = match found {
         Ok(both) => both,
         Err(roscausal_discovery::Error::Data(reason)) => {
-            say!("{reason}");
+            match args.json {
+                true => say!("{}", serde_json::json!({ "refused": reason, "notes": notes })),
+                false => say!("{reason}"),
+            }
             return Ok(Status::NotSupported);
         }
         Err(error) => return Err(error.into()),
     };
     if args.json {
-        let names = |choice: &Choice| {
-            choice.places.iter().map(|place| map.places[*place].name.clone()).collect::<Vec<_>>()
-        };
         let object = |choice: &Choice| {
+            let names = choice.places.iter().map(|place| map.places[*place].name.as_str());
             serde_json::json!({
-                "wait_s": choice.wait, "places": names(choice), "seconds": choice.seconds.mean,
-                "seconds_interval": choice.seconds_interval(), "people": choice.people.mean,
+                "wait_s": choice.wait, "places": names.collect::<Vec<_>>(), "seconds": choice.seconds.mean,
+                "seconds_interval": choice.seconds_interval(), "people": choice.people,
                 "battery_percent": choice.battery, "late": choice.late, "cost_s": choice.cost,
             })
         };
-        say!("{}", serde_json::json!({ "best": object(&best), "at_once": object(&at_once) }));
-    } else {
-        say!("{}", best.sentence(&map, &at_once));
-        for note in known.notes(&map) {
-            say!("{note}");
-        }
+        let at_once = at_once.as_ref().map(object);
+        say!("{}", serde_json::json!({ "best": object(&best), "at_once": at_once, "notes": notes }));
+        return Ok(Status::Ok);
     }
+    say!("{}", best.sentence(&map, at_once.as_ref()));
+    notes.iter().for_each(|note| say!("{note}"));
     Ok(Status::Ok)
 }

@@ -13,6 +13,7 @@
 //! stand in rows of the robot's own place, if anywhere; `speed` only while it drives.
 
 use std::{
+    fmt::Write as _,
     path::{Path, PathBuf},
     sync::{Arc, Mutex},
     time::SystemTime,
@@ -37,11 +38,16 @@ use serde::Deserialize;
 
 use crate::{
     Error, Result,
-    batch::{Table, table::Reading},
+    batch::{
+        Table,
+        table::{Note, Reading},
+    },
     bounded,
     gate::lock,
 };
 
+/// The largest count.
+const MOST: f64 = 86_400.0;
 /// Columns that say how the robot fared.
 const FARED: [&str; 3] = ["speed", "loss", "load"];
 /// The column with the place.
@@ -74,21 +80,23 @@ const FULL: f64 = 5.0;
 /// Metres around places and arcs that have the cost of the people there, and metres around the whole map.
 const REACH: f64 = 2.0;
 const MARGIN: f64 = 5.0;
-/// Most cells along an axis.
-const MOST_CELLS: f64 = 2000.0;
+/// Most cells along an axis; those of a larger map are wider.
+const MOST_CELLS: f64 = 500.0;
 
 /// What is expected at an hour as a grid for a costmap filter: 0 where nobody is expected to 100 where five people or more are; -1
 /// away from all places and arcs, and where nothing was recorded.
 pub fn costs(map: &Map, known: &Known, hour: f64, resolution: f64) -> OccupancyGrid {
-    let axis = |axis: usize| {
+    let extent = |axis: usize| {
         let (low, high) = map
             .places
             .iter()
             .map(|place| place.at[axis])
             .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
-        (low - MARGIN, ((high - low + 2.0 * MARGIN) / resolution).ceil().min(MOST_CELLS) as u32)
+        (low - MARGIN, high - low + 2.0 * MARGIN)
     };
-    let ((x, width), (y, height)) = (axis(0), axis(1));
+    let ((x, wide), (y, high)) = (extent(0), extent(1));
+    let resolution = resolution.max(wide.max(high) / MOST_CELLS);
+    let [width, height] = [wide, high].map(|size| (size / resolution).ceil() as u32);
     let level = |place: usize| known.levels.level(place, hour).map(|level| level.mean.max(0.0));
     let arcs = map.graph.raw_edges().iter().map(|edge| [edge.source().index(), edge.target().index()]);
     let arcs: Vec<([[f64; 2]; 2], [Option<f64>; 2])> =
@@ -152,7 +160,8 @@ impl House {
         let listed = std::fs::read_dir(&self.days).map_err(|error| Error::file(&self.days, error))?;
         let mut tables: Vec<PathBuf> = listed.flatten().map(|entry| entry.path()).collect();
         tables.retain(|path| path.extension().is_some_and(|end| end == "csv"));
-        tables.sort();
+        // Day 10 comes after day 9.
+        tables.sort_by_key(|path| padded(&path.to_string_lossy()));
         if tables.is_empty() {
             return Err(Error::file(&self.days, "it has no table of a day (*.csv)"));
         }
@@ -173,6 +182,23 @@ impl House {
     }
 }
 
+/// A text whose numbers sort as numbers.
+fn padded(text: &str) -> String {
+    let mut digits = String::new();
+    let mut made = String::new();
+    for c in text.chars().chain(['\0']) {
+        if c.is_ascii_digit() {
+            digits.push(c);
+            continue;
+        }
+        if !digits.is_empty() {
+            let _ = write!(made, "{:0>20}", std::mem::take(&mut digits));
+        }
+        made.push(c);
+    }
+    made
+}
+
 /// Reads the tables of days and the model, and fits what they tell of `target`.
 ///
 /// # Errors
@@ -187,8 +213,14 @@ pub fn known(map: &Map, model: &Path, tables: &[PathBuf], target: &str) -> Resul
 
 fn days(map: &Map, graph: &Graph, tables: &[PathBuf], target: &str) -> Result<Days> {
     let mut names = graph.names().to_vec();
-    if !names.iter().any(|name| name == HOUR) {
-        return Err(Error::Data(format!("the model has no variable '{HOUR}'; analyse the tables with it")));
+    for name in [HOUR, target] {
+        if !names.iter().any(|one| one == name) || target == HOUR {
+            let reason = format!(
+                "the model has no variable '{name}' that is counted at an {HOUR}: {}",
+                names.join(", ")
+            );
+            return Err(Error::Data(reason));
+        }
     }
     let wide = names.len();
     names.extend(FARED.into_iter().chain([PLACE]).map(str::to_owned));
@@ -198,6 +230,14 @@ fn days(map: &Map, graph: &Graph, tables: &[PathBuf], target: &str) -> Result<Da
         let reading =
             Reading { columns: Some(names.clone()), recording: Some(PLACE.into()), ..Reading::default() };
         let table = Table::read_as(path, &reading)?;
+        if let Some(Note::Coded { column, .. }) =
+            table.notes.iter().find(|note| matches!(note, Note::Coded { .. }))
+        {
+            let reason = format!(
+                "'{column}' has words; write numbers, and a place as its position in the map's list, from 0"
+            );
+            return Err(Error::file(path, reason));
+        }
         for (name, part) in table.by_recording(PLACE, false).map_err(|reason| Error::file(path, reason))? {
             let place = name.rsplit(' ').next().and_then(|text| text.parse().ok());
             let Some(place) = place.filter(|place| *place < map.places.len()) else {
@@ -208,8 +248,30 @@ fn days(map: &Map, graph: &Graph, tables: &[PathBuf], target: &str) -> Result<Da
             days.row = step.ok_or_else(|| {
                 Error::file(path, format!("{name} has no times, or another step than the rest"))
             })?;
+            let times = part.time.as_deref().unwrap_or_default();
+            if let Some(pair) =
+                times.windows(2).find(|pair| (pair[1] - pair[0] - days.row).abs() > 0.5 * days.row)
+            {
+                let reason = format!(
+                    "{name} has a step from {} s to {} s; its rows need even steps of {} s",
+                    pair[0], pair[1], days.row
+                );
+                return Err(Error::file(path, reason));
+            }
             for row in 0..part.values.nrows() {
                 let [speed, loss, load] = [0, 1, 2].map(|k| part.values[[row, wide + k]]);
+                let limits = [
+                    ("speed", speed, 100.0),
+                    ("loss", loss, 100.0),
+                    (target, part.values[[row, counts]], MOST),
+                ];
+                if let Some((of, value, most)) =
+                    limits.iter().find(|(_, value, most)| *value < 0.0 || value > most)
+                {
+                    let reason =
+                        format!("row {} of {name}: {of} is {value}; it lies from 0 to {most}", row + 1);
+                    return Err(Error::file(path, reason));
+                }
                 if row > 0 && speed.is_finite() {
                     days.drives.push((part.values[[row - 1, counts]], speed));
                 }

@@ -193,7 +193,7 @@ fn record(days: &mut Days, spec: &DaySpec, seed: u64, interrupt: &Interrupt) -> 
         let loss = (porter.charge < charge).then_some((charge - porter.charge) / ROW_S);
         (driven, charge) = (porter.driven, porter.charge);
         let load = u8::from(porter.is_loaded());
-        let (time, hour) = (simulation.time() - ROW_S, day.clock(simulation.time() - STEP));
+        let (time, hour) = (simulation.time() - ROW_S, day.clock(simulation.time() - ROW_S));
         for (place, rows) in rows.iter_mut().enumerate() {
             let row = [f64::from(counts[place]), f64::from(at == Some(place)), hour];
             let _ = write!(table, "{time},{place},{},{},{hour:.4}", row[0], row[1]);

@@ -100,6 +100,13 @@ pub enum Note {
     },
     /// What was made of the file.
     Read(String),
+    /// Its words became codes.
+    Coded {
+        /// Its name.
+        column: String,
+        /// The words with their codes.
+        codes: String,
+    },
     /// All its numbers are the same.
     Constant {
         /// Its name.
@@ -116,7 +123,7 @@ impl Note {
             Self::Empty { column } | Self::Missing { column, .. } | Self::Constant { column, .. } => {
                 Some(column)
             }
-            Self::Read(_) => None,
+            Self::Read(_) | Self::Coded { .. } => None,
         }
     }
 }
@@ -133,6 +140,7 @@ impl fmt::Display for Note {
                 "column '{column}': {missing} of {cells} cells are empty or NaN; samples that need them are left out"
             ),
             Self::Read(reported) => f.write_str(reported),
+            Self::Coded { column, codes } => write!(f, "words of column '{column}' as codes: {codes}"),
             Self::Constant { column, value } => {
                 write!(f, "column '{column}' is constant ({value}): it can be neither cause nor effect")
             }
@@ -507,7 +515,7 @@ impl<'a> Rows<'a> {
             let Some(at) = self.columns.iter().position(|other| other == column) else { continue };
             let recode = |value: f64| if value.is_nan() { value } else { sorted[value as usize] };
             values.index_axis_mut(Axis(1), at).mapv_inplace(recode);
-            reported.push(Note::Read(format!("words of column '{name}' as codes: {}", codes.reported())));
+            reported.push(Note::Coded { column: name.clone(), codes: codes.reported() });
         }
         check_stands(self.nameless || self.names_are_numbers(0), values.dim())?;
         let own_time = self.first_is_time(&values);

@@ -175,11 +175,11 @@ pub(super) fn route_response(
         seconds: best.seconds.mean,
         lower,
         upper,
-        people: best.people.mean,
+        people: best.people,
         battery: best.battery,
-        late: best.late,
-        text: best.sentence(map, &at_once),
-        caveats: known.notes(map),
+        late: best.late.unwrap_or(0.0),
+        text: best.sentence(map, at_once.as_ref()),
+        caveats: known.notes(map, request.loaded),
         ..RouteResponse::default()
     })
 }

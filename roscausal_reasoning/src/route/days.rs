@@ -59,15 +59,9 @@ impl Days {
     /// No variable `target` or `hour`, no rows, or a robot that hardly drove.
     pub fn known(&self, counted: &Self, graph: &Graph, target: &str, way: Way) -> Result<Known> {
         let data = DataFrame::new(counted.recordings.clone(), counted.names.clone())?;
+        let names: Vec<&str> = graph.names().iter().map(String::as_str).collect();
         let find = |name: &str| {
-            let place = graph.names().iter().position(|one| one == name);
-            place.ok_or_else(|| {
-                Error::unknown(
-                    "variable",
-                    name,
-                    &graph.names().iter().map(String::as_str).collect::<Vec<_>>(),
-                )
-            })
+            names.iter().position(|one| *one == name).ok_or_else(|| Error::unknown("count", name, &names))
         };
         Ok(Known {
             levels: Levels::fit(&data, &counted.made, graph, find(target)?, find(HOUR)?, way)?,
@@ -91,30 +85,30 @@ impl Known {
         }
     }
 
-    /// What the numbers rest on, a sentence each: the days, and what began anew in them.
-    pub fn notes(&self, map: &Map) -> Vec<String> {
+    /// What the numbers rest on, a sentence each: the days, what began anew in them, and what they do not tell.
+    pub fn notes(&self, map: &Map, loaded: bool) -> Vec<String> {
+        let days = if self.days == 1 { "1 day".to_owned() } else { format!("{} days", self.days) };
+        let Pace { free, each } = self.pace;
         let mut notes = vec![format!(
-            "It rests on {} days; a metre takes {:.2} s where nobody is, and {:.2} s more for each person at a place.",
-            self.days, self.pace.free, self.pace.each
+            "It rests on {days}; a metre takes {free:.2} s where nobody is, and {each:.2} s more for each person at a place."
         )];
-        let of_day = |day: usize| self.levels.anew.iter().filter(move |anew| anew.day == day);
+        if self.drains[usize::from(loaded)] == Drain::default() {
+            let load = if loaded { "with a load" } else { "without a load" };
+            notes.push(format!("No row tells what the battery loses {load}; it counts as nothing."));
+        }
         for day in 0..self.days {
-            let hours: Vec<String> =
-                of_day(day).filter_map(|anew| anew.hour.map(|hour| self.levels.hour(hour))).collect();
-            let places: Vec<&str> = of_day(day)
-                .filter_map(|anew| anew.place.map(|place| map.places[place].name.as_str()))
-                .collect();
-            let what = [("from the hours ", hours.join(", ")), ("at ", places.join(", "))];
-            let what: Vec<String> = what
-                .iter()
-                .filter(|(_, list)| !list.is_empty())
-                .map(|(word, list)| format!("{word}{list}"))
-                .collect();
+            let of_day = || self.levels.anew.iter().filter(move |anew| anew.day == day);
+            let hours = of_day().filter_map(|anew| {
+                anew.hour.map(|hour| format!("at {} (all places)", self.levels.hour(hour)))
+            });
+            let places = of_day().filter_map(|anew| {
+                anew.place.map(|place| format!("at {} (all hours)", map.places[place].name))
+            });
+            let what: Vec<String> = hours.chain(places).collect();
             if !what.is_empty() {
-                let what = what.join(" and ");
+                let (day, what) = (day + 1, what.join(", "));
                 notes.push(format!(
-                    "Day {} differs {what} from the days before, which are put away there.",
-                    day + 1
+                    "Day {day} differs from the days before {what}: only it and later ones count there."
                 ));
             }
         }

@@ -16,12 +16,23 @@
 
 use std::collections::BTreeSet;
 
-use roscausal_discovery::{DataFrame, Error, Result};
+use roscausal_discovery::{DataFrame, Error, Node, Result};
 
 use crate::{graph::Graph, linear::least_squares};
 
 /// An hour or a place of a day has changed if its mean square lies this many standard deviations above the usual one.
 const CHANGED: f64 = 6.0;
+/// A place and hour is recorded with this many rows, and this share of those of the fullest one.
+const FEWEST: f64 = 10.0;
+const ENOUGH: f64 = 0.05;
+/// A day counts in an hour in which it has this share of the rows of the days before: it may be unfinished.
+const WHOLE: f64 = 0.5;
+/// The largest square of one cell, so that one alone changes no hour and no place.
+const LARGEST: f64 = 15.0;
+/// Two cells at least have to differ this much.
+const FAR: f64 = 6.0;
+/// A cell varies at least by this share of what cells vary on average: where hardly anybody comes, one person is no change.
+const LEAST_SPREAD: f64 = 0.25;
 /// The largest share of a deviation that is left a row later.
 const MOST_KEPT: f64 = 0.9995;
 
@@ -106,6 +117,109 @@ impl Sums {
     }
 }
 
+/// The rows of all recordings that have the value and its causes.
+struct Rows {
+    /// Day and cell of each row; a cell is a place in an hour.
+    at: Vec<(usize, usize)>,
+    /// The value and its causes, by column.
+    columns: Vec<Vec<f64>>,
+    /// Their sums by day and cell.
+    sums: Vec<Vec<Sums>>,
+    /// First hour, and how many there are.
+    hours: (f64, usize),
+}
+
+impl Rows {
+    fn new(
+        data: &DataFrame,
+        made: &[Made],
+        target: usize,
+        hour: usize,
+        parents: &[Node],
+        pooled: bool,
+    ) -> Result<Self> {
+        let memory = parents.iter().map(|node| node.lag).max().unwrap_or(0);
+        let all = data.recordings().iter().flat_map(|recording| recording.column(hour).to_vec());
+        let (first, last) =
+            all.filter(|h| h.is_finite()).fold((f64::MAX, f64::MIN), |(a, b), h| (a.min(h), b.max(h)));
+        if !(0.0..=48.0).contains(&first) || !(0.0..=48.0).contains(&last) {
+            return Err(Error::Data(format!("'{}' is no time of day in hours", data.var_names()[hour])));
+        }
+        let first = first.floor();
+        let bins = if pooled { 1 } else { (last - first).floor() as usize + 1 };
+        let places = made.iter().map(|one| one.place + 1).max().unwrap_or(0);
+        let days = made.iter().map(|one| one.day + 1).max().unwrap_or(0);
+        let sums = vec![vec![Sums::default(); places * bins]; days];
+        let columns = vec![Vec::new(); parents.len() + 1];
+        let mut rows = Self { at: Vec::new(), columns, sums, hours: (first, bins) };
+        for (recording, one) in data.recordings().iter().zip(made) {
+            for t in memory..recording.nrows() {
+                let (value, at) = (recording[[t, target]], recording[[t, hour]]);
+                let causes: Vec<f64> =
+                    parents.iter().map(|node| recording[[t - node.lag, node.var]]).collect();
+                if causes.iter().chain([&value, &at]).all(|x| x.is_finite()) {
+                    let bin = if pooled { 0 } else { (at - first) as usize };
+                    rows.add((one.day, one.place * bins + bin), value, causes);
+                }
+            }
+        }
+        if rows.at.is_empty() {
+            return Err(Error::Data(format!("no row has '{}' and its causes", data.var_names()[target])));
+        }
+        Ok(rows)
+    }
+
+    fn add(&mut self, at: (usize, usize), value: f64, causes: Vec<f64>) {
+        self.at.push(at);
+        self.columns
+            .iter_mut()
+            .zip([&value].into_iter().chain(&causes))
+            .for_each(|(column, x)| column.push(*x));
+        self.sums[at.0][at.1].add(&Sums { n: 1.0, y: value, yy: value * value, x: causes });
+    }
+
+    /// The sums of each cell over the days from `since` on; `pooled`: over all cells, too.
+    fn by_cell(&self, since: &[usize], pooled: bool) -> Vec<Sums> {
+        let over_days = |(cell, first): (usize, &usize)| {
+            let mut sum = Sums::default();
+            self.sums[*first..].iter().for_each(|day| sum.add(&day[cell]));
+            sum
+        };
+        let mut cells: Vec<Sums> = since.iter().enumerate().map(over_days).collect();
+        if pooled {
+            let mut whole = Sums::default();
+            cells.iter().for_each(|cell| whole.add(cell));
+            cells.fill(whole);
+        }
+        cells
+    }
+
+    /// Takes from each row the mean of its day and cell, or of all.
+    fn centre(&mut self, whole: Option<&Sums>) {
+        for (row, (day, cell)) in self.at.iter().enumerate() {
+            let of = whole.unwrap_or(&self.sums[*day][*cell]);
+            let means = [of.y].into_iter().chain(of.x.iter().copied()).map(|sum| sum / of.n);
+            self.columns.iter_mut().zip(means).for_each(|(column, mean)| column[row] -= mean);
+        }
+    }
+
+    /// By how much fewer independent rows each place has: rows that follow one another tell less, and where people stay long, much
+    /// less. `own` is the column of the value one row before; the rows are centred.
+    fn inflation(&self, own: Option<usize>) -> Vec<f64> {
+        let bins = self.hours.1;
+        let mut products = vec![(0.0, 0.0); self.sums[0].len() / bins];
+        for (row, (_, cell)) in self.at.iter().enumerate() {
+            let (square, product) = &mut products[cell / bins];
+            *square += self.columns[0][row].powi(2);
+            *product += own.map_or(0.0, |k| self.columns[0][row] * self.columns[k][row]);
+        }
+        let kept = |(square, product): (f64, f64)| {
+            if square > 0.0 { (product / square).clamp(0.0, MOST_KEPT) } else { 0.0 }
+        };
+        products.into_iter().map(kept).map(|r| (1.0 + r) / (1.0 - r)).collect()
+    }
+}
+
 impl Levels {
     /// Fits the levels of the variable `target`. Each recording is one of one place and one day, `made` says which; `hour` is the
     /// column with the time of day in hours.
@@ -120,109 +234,40 @@ impl Levels {
         hour: usize,
         way: Way,
     ) -> Result<Self> {
-        let parents: Vec<_> =
-            graph.parents(target).iter().filter(|node| node.var != hour && way != Way::Mean).collect();
-        let memory = parents.iter().map(|node| node.lag).max().unwrap_or(0);
-        let hours_of = |recording: usize| data.recordings()[recording].column(hour);
-        let all_hours =
-            || (0..made.len()).flat_map(|r| hours_of(r).into_iter().copied()).filter(|h| h.is_finite());
-        let (first, last) = all_hours().fold((f64::MAX, f64::MIN), |(a, b), h| (a.min(h), b.max(h)));
-        if !(0.0..=48.0).contains(&first) || !(0.0..=48.0).contains(&last) {
-            return Err(Error::Data(format!("'{}' is no time of day in hours", data.var_names()[hour])));
-        }
-        let first = first.floor();
-        let bins = if way == Way::Lagged { 1 } else { (last - first).floor() as usize + 1 };
-        let places = made.iter().map(|one| one.place + 1).max().unwrap_or(0);
-        let days = made.iter().map(|one| one.day + 1).max().unwrap_or(0);
-        let cells = places * bins;
-        // Rows: day, cell, value, causes.
-        let mut rows: Vec<(usize, usize)> = Vec::new();
-        let mut columns = vec![Vec::new(); parents.len() + 1];
-        let mut sums = vec![vec![Sums::default(); cells]; days];
-        for (recording, one) in data.recordings().iter().zip(made) {
-            for t in memory..recording.nrows() {
-                let value = recording[[t, target]];
-                let causes: Vec<f64> =
-                    parents.iter().map(|node| recording[[t - node.lag, node.var]]).collect();
-                let at = recording[[t, hour]];
-                if !value.is_finite() || !at.is_finite() || causes.iter().any(|x| !x.is_finite()) {
-                    continue;
-                }
-                let bin = if bins == 1 { 0 } else { (at - first) as usize };
-                let cell = one.place * bins + bin;
-                columns[0].push(value);
-                columns[1..].iter_mut().zip(&causes).for_each(|(column, x)| column.push(*x));
-                rows.push((one.day, cell));
-                sums[one.day][cell].add(&Sums { n: 1.0, y: value, yy: value * value, x: causes });
-            }
-        }
-        if rows.is_empty() {
-            return Err(Error::Data(format!("no row has '{}' and its causes", data.var_names()[target])));
-        }
-        let pooled = |of: &dyn Fn(usize, usize) -> bool| -> Vec<Sums> {
-            let pool = |cell: usize| {
-                let mut pool = Sums::default();
-                (0..days).filter(|&day| of(day, cell)).for_each(|day| pool.add(&sums[day][cell]));
-                pool
-            };
-            let mut pools: Vec<Sums> = (0..cells).map(pool).collect();
-            if way == Way::Lagged {
-                let mut whole = Sums::default();
-                pools.iter().for_each(|pool| whole.add(pool));
-                pools.fill(whole);
-            }
-            pools
-        };
-        let all = pooled(&|_, _| true);
-        for (row, (day, cell)) in rows.iter().enumerate() {
-            let pool = if way == Way::Lagged { &all[*cell] } else { &sums[*day][*cell] };
-            columns[0][row] -= pool.y / pool.n;
-            columns[1..].iter_mut().zip(&pool.x).for_each(|(column, x)| column[row] -= x / pool.n);
-        }
-        let slopes = least_squares(&columns[0], &columns[1..]).coefficients;
-        let own = parents.iter().zip(&slopes).filter(|(node, _)| node.var == target).map(|(_, slope)| slope);
-        let kept = own.sum::<f64>().clamp(0.0, MOST_KEPT);
-        // Rows that follow one another tell less than as many independent ones; where people stay long, much less.
-        let own_before = parents.iter().position(|node| node.var == target && node.lag == 1);
-        let mut products = vec![(0.0, 0.0); places];
-        for (row, (_, cell)) in rows.iter().enumerate() {
-            let (square, product) = &mut products[cell / bins];
-            *square += columns[0][row].powi(2);
-            *product += own_before.map_or(0.0, |k| columns[0][row] * columns[k + 1][row]);
-        }
-        let inflation: Vec<f64> = products
-            .iter()
-            .map(
-                |(square, product)| {
-                    if *square > 0.0 { (product / square).clamp(0.0, MOST_KEPT) } else { 0.0 }
-                },
-            )
-            .map(|r| (1.0 + r) / (1.0 - r))
-            .collect();
+        let pooled = way == Way::Lagged;
+        let of_hour = |node: &&Node| node.var != hour && way != Way::Mean;
+        let parents: Vec<Node> = graph.parents(target).iter().filter(of_hour).copied().collect();
+        let mut rows = Rows::new(data, made, target, hour, &parents, pooled)?;
+        let bins = rows.hours.1;
+        let since = vec![0; rows.sums[0].len()];
+        rows.centre(pooled.then(|| rows.by_cell(&since, true).swap_remove(0)).as_ref());
+        let slopes = least_squares(&rows.columns[0], &rows.columns[1..]).coefficients;
+        let is_own = |k: &usize| parents[*k].var == target;
+        let kept = (0..parents.len()).filter(is_own).map(|k| slopes[k]).sum::<f64>().clamp(0.0, MOST_KEPT);
+        let own = (0..parents.len()).find(|k| is_own(k) && parents[*k].lag == 1);
+        let inflation = rows.inflation(own.map(|k| k + 1));
         let (anew, since) = match way {
-            Way::Causal => begun_anew(&sums, bins, &inflation),
-            Way::Mean | Way::Lagged => (Vec::new(), vec![0; cells]),
+            Way::Causal => begun_anew(&rows.sums, bins, &inflation),
+            Way::Mean | Way::Lagged => (Vec::new(), since),
         };
-        let level = |pool: &Sums, place: usize| {
-            let others = parents.iter().zip(&slopes).zip(&pool.x).filter(|((node, _), _)| node.var != target);
-            let given: f64 = others.map(|((_, slope), x)| slope * x / pool.n).sum();
-            let own = parents.iter().zip(&slopes).zip(&pool.x).filter(|((node, _), _)| node.var == target);
-            let before: f64 = own.map(|((_, slope), x)| slope * x / pool.n).sum();
-            Expected {
-                mean: (pool.y / pool.n - before - given) / (1.0 - kept),
-                variance: pool.variance() * inflation[place] / pool.n,
-            }
+        let present = rows.by_cell(&since, pooled);
+        let fullest = present.iter().map(|sum| sum.n).fold(0.0, f64::max);
+        let level = |(cell, sum): (usize, &Sums)| {
+            let mean = |k: usize| sum.x[k] / sum.n;
+            let given: f64 = (0..parents.len()).filter(|k| !is_own(k)).map(|k| slopes[k] * mean(k)).sum();
+            let before = own.map_or(sum.y / sum.n, mean);
+            (sum.n >= FEWEST.max(ENOUGH * fullest)).then(|| Expected {
+                mean: (sum.y / sum.n - given - kept * before) / (1.0 - kept),
+                variance: sum.variance() * inflation[cell / bins] / sum.n,
+            })
         };
-        let present = pooled(&|day, cell| day >= since[cell]);
         Ok(Self {
-            cells: (present.iter().enumerate())
-                .map(|(cell, pool)| (pool.n > 0.0).then(|| level(pool, cell / bins)))
-                .collect(),
-            spread: present.iter().map(|pool| if pool.n > 0.0 { pool.variance() } else { 0.0 }).collect(),
+            cells: present.iter().enumerate().map(level).collect(),
+            spread: present.iter().map(|sum| if sum.n > 0.0 { sum.variance() } else { 0.0 }).collect(),
             slopes,
             kept,
             anew,
-            hours: (first, bins),
+            hours: rows.hours,
         })
     }
 
@@ -270,15 +315,22 @@ fn begun_anew(sums: &[Vec<Sums>], bins: usize, inflation: &[f64]) -> (Vec<Anew>,
     // The largest mean square of each margin, hours before places, on days that did not differ.
     let mut usual = vec![1.0_f64; bins + places];
     for day in 1..sums.len() {
-        let square = |cell: usize| -> Option<f64> {
+        let earlier = |cell: usize| {
             let mut pool = Sums::default();
-            (since[cell]..day).for_each(|earlier| pool.add(&sums[earlier][cell]));
-            let today = &sums[day][cell];
-            if pool.n == 0.0 || today.n == 0.0 {
+            sums[since[cell]..day].iter().for_each(|earlier| pool.add(&earlier[cell]));
+            (pool, (day - since[cell]) as f64)
+        };
+        let filled = sums[day].iter().filter(|today| today.n > 0.0);
+        let spread =
+            LEAST_SPREAD * filled.clone().map(Sums::variance).sum::<f64>() / filled.count().max(1) as f64;
+        let square = |cell: usize| -> Option<f64> {
+            let ((pool, days), today) = (earlier(cell), &sums[day][cell]);
+            if pool.n == 0.0 || today.n < WHOLE * pool.n / days {
                 return None;
             }
-            let variance = (pool.variance() / pool.n + today.variance() / today.n) * inflation[cell / bins];
-            (variance > 0.0).then(|| (pool.y / pool.n - today.y / today.n).powi(2) / variance)
+            let part = |sums: &Sums| sums.variance().max(spread) / sums.n;
+            let variance = (part(&pool) + part(today)) * inflation[cell / bins];
+            (variance > 0.0).then(|| ((pool.y / pool.n - today.y / today.n).powi(2) / variance).min(LARGEST))
         };
         let squares: Vec<Option<f64>> = (0..places * bins).map(square).collect();
         let mut renewed = BTreeSet::new();
@@ -292,9 +344,10 @@ fn begun_anew(sums: &[Vec<Sums>], bins: usize, inflation: &[f64]) -> (Vec<Anew>,
             let count = found.len().max(1) as f64;
             let mean = found.iter().sum::<f64>() / count;
             // The second day only tells how much days differ anyway.
-            if day > 1 && mean > *usual * (1.0 + CHANGED * (2.0 / count).sqrt()) {
+            let far = found.iter().filter(|square| **square > FAR).count();
+            if day > 1 && far > 1 && mean > *usual * (1.0 + CHANGED * (2.0 / count).sqrt()) {
                 anew.push(Anew { day, hour, place });
-                renewed.extend((0..places * bins).filter(is_in));
+                renewed.extend((0..places * bins).filter(|cell| is_in(cell) && squares[*cell].is_some()));
             } else {
                 *usual = usual.max(mean);
             }

@@ -10,7 +10,7 @@ use roscausal_discovery::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// Most places of a map; the table of ways grows with their square.
-const MOST_PLACES: usize = 1000;
+const MOST_PLACES: usize = 500;
 
 /// A place where somebody may be.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -4,6 +4,8 @@ use roscausal_discovery::{Error, Result};
 
 use crate::linear::least_squares;
 
+/// The most seconds that a metre may take.
+const SLOWEST: f64 = 10_000.0;
 /// Fewest rows of a driving robot.
 const FEWEST: usize = 30;
 
@@ -41,7 +43,14 @@ impl Pace {
         let determinant = v * vnn - vn * vn;
         let each =
             if determinant > 1e-9 * v * vnn { ((v * people - vn * one) / determinant).max(0.0) } else { 0.0 };
-        Ok(Self { free: ((one - each * vn) / v).max(0.0), each })
+        let pace = Self { free: (one - each * vn) / v, each };
+        if !(pace.free > 0.0 && pace.free <= SLOWEST && pace.each <= SLOWEST) {
+            return Err(Error::Data(format!(
+                "no pace of a robot: {} s for a metre where nobody is",
+                pace.free
+            )));
+        }
+        Ok(pace)
     }
 }
 
@@ -59,6 +68,7 @@ impl Drain {
     pub fn fit(rows: &[(f64, f64)]) -> Self {
         let (speed, loss): (Vec<f64>, Vec<f64>) = rows.iter().copied().unzip();
         let fit = least_squares(&loss, &[speed]);
-        Self { second: fit.intercept, metre: fit.coefficients[0] }
+        // Nothing charges by driving.
+        Self { second: fit.intercept.max(0.0), metre: fit.coefficients[0].max(0.0) }
     }
 }

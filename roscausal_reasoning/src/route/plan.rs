@@ -15,6 +15,8 @@ use super::{
 
 /// The largest number of a question: the seconds of a day.
 const LONGEST: f64 = 86_400.0;
+/// Standard deviations of an arc that the cautious way counts.
+const CAUTIOUS: f64 = 1.3;
 /// Seconds between two moments that are compared.
 pub const STEP: f64 = 60.0;
 
@@ -65,12 +67,14 @@ pub struct Choice {
     pub places: Vec<usize>,
     /// Seconds of the way.
     pub seconds: Expected,
+    /// Seconds of the way if nobody is on it.
+    pub least: f64,
     /// People on it, summed over its arcs.
-    pub people: Expected,
+    pub people: f64,
     /// Percent of the battery, waiting included.
     pub battery: f64,
-    /// The chance to take longer than allowed.
-    pub late: f64,
+    /// The chance to take longer than allowed, if that was said.
+    pub late: Option<f64>,
     /// All in seconds.
     pub cost: f64,
 }
@@ -94,12 +98,12 @@ pub struct House<'a> {
 struct Table(Vec<Vec<Option<Expected>>>);
 
 impl House<'_> {
-    /// The best choice, and the best one of those that set out at once.
+    /// The best choice, and the best one of those that set out at once; `None` where nothing is known of that.
     ///
     /// # Errors
     /// A number that is none, below 0 or above a day, counts for other places than the map's; a trip in hours or through places that
     /// were never recorded.
-    pub fn best(&self, trip: &Trip<'_>) -> Result<(Choice, Choice)> {
+    pub fn best(&self, trip: &Trip<'_>) -> Result<(Choice, Option<Choice>)> {
         let cost = [trip.cost.waiting, trip.cost.person, trip.cost.percent, trip.cost.late];
         let numbers = [trip.hour, trip.horizon, trip.allowed.unwrap_or_default()];
         let counts = trip.now.unwrap_or_default();
@@ -120,27 +124,31 @@ impl House<'_> {
         let steps = (trip.horizon / STEP) as usize;
         // Beyond a day more nothing is expected.
         let table = self.table(trip, steps + (longest / STEP).min(LONGEST / STEP) as usize + 1);
-        let refused = || {
-            let (from, to) = (&self.map.places[trip.from].name, &self.map.places[trip.to].name);
-            Error::Data(format!(
-                "no recording reaches from '{from}' to '{to}' at {:.2} h; record that time of day there",
-                trip.hour
-            ))
-        };
-        let at_once = self.choice(trip, &table, &free, 0).ok_or_else(refused)?;
+        let at_once = self.choice(trip, &table, &free, 0);
         let mut best = at_once.clone();
         for step in 1..=steps {
             // Waiting alone would cost more than the best.
-            if trip.cost.waiting * step as f64 * STEP > best.cost {
+            let waiting = self.waiting(trip, step as f64 * STEP);
+            if best.as_ref().is_some_and(|best| waiting > best.cost) {
                 break;
             }
-            if let Some(choice) =
-                self.choice(trip, &table, &free, step).filter(|choice| choice.cost < best.cost)
-            {
-                best = choice;
-            }
+            let choice = self.choice(trip, &table, &free, step);
+            best = [best, choice].into_iter().flatten().reduce(|a, b| if b.cost < a.cost { b } else { a });
         }
+        let best = best.filter(|best| best.seconds.mean <= LONGEST).ok_or_else(|| {
+            let (from, to) = (&self.map.places[trip.from].name, &self.map.places[trip.to].name);
+            let (hour, minute) = (trip.hour as u32 % 24, (trip.hour.fract() * 60.0) as u32);
+            let reason = "each place of a way needs rows of that hour, and the way has to end within a day";
+            Error::Data(format!(
+                "the recorded days do not reach from '{from}' to '{to}' at {hour}:{minute:02}: {reason}"
+            ))
+        })?;
         Ok((best, at_once))
+    }
+
+    /// What waiting costs, the battery that it takes among it.
+    fn waiting(&self, trip: &Trip<'_>, seconds: f64) -> f64 {
+        seconds * (trip.cost.waiting + trip.cost.percent * self.drain.second)
     }
 
     fn table(&self, trip: &Trip<'_>, steps: usize) -> Table {
@@ -156,63 +164,100 @@ impl House<'_> {
         )
     }
 
-    /// The best way for a moment; none if what is expected on it is not known.
+    /// The better one of two ways for a moment: the one with the least mean, and the one with the least of what is rarely exceeded.
+    /// None if what is expected on all ways is not known.
     fn choice(&self, trip: &Trip<'_>, table: &Table, free: &[f64], step: usize) -> Option<Choice> {
+        let ways = [0.0, CAUTIOUS].map(|sds| self.way(trip, table, free, (step, sds)));
+        let choices = ways.into_iter().flatten().filter_map(|way| self.priced(trip, table, free, step, way));
+        choices.reduce(|a, b| if b.cost < a.cost { b } else { a })
+    }
+
+    /// What is expected at a place when the robot comes to it.
+    fn there(
+        &self,
+        table: &Table,
+        free: &[f64],
+        step: usize,
+        (from, place): (usize, usize),
+    ) -> Option<Expected> {
+        table.0[place].get(step + (free[from] / STEP) as usize).copied().flatten()
+    }
+
+    /// The way with the least cost, where each arc counts as its mean and so many standard deviations.
+    fn way(
+        &self,
+        trip: &Trip<'_>,
+        table: &Table,
+        free: &[f64],
+        (step, sds): (usize, f64),
+    ) -> Option<Vec<usize>> {
+        let price = |a: usize, b: usize, metres: f64| {
+            let ends = [a, b].map(|place| self.there(table, free, step, (a, place)));
+            let [Some(a), Some(b)] = ends else { return f64::INFINITY };
+            let spread = sds * metres * self.pace.each * (a.variance + b.variance).sqrt() / 2.0;
+            (self.price(trip, (a.mean + b.mean) / 2.0, metres).0 + spread).max(0.0)
+        };
+        let arc = |edge: petgraph::graph::EdgeReference<'_, f64>| {
+            price(edge.source().index(), edge.target().index(), *edge.weight())
+        };
         let (from, to) = (NodeIndex::new(trip.from), NodeIndex::new(trip.to));
-        let arc = |a: usize, b: usize, metres: f64| {
-            let moment = step + (free[a] / STEP) as usize;
-            let ends = [a, b].map(|place| table.0[place].get(moment).copied().flatten());
-            let [Some(a), Some(b)] = ends else { return None };
-            let people =
-                Expected { mean: (a.mean + b.mean) / 2.0, variance: (a.variance + b.variance) / 4.0 };
-            let seconds = Expected {
-                mean: metres * (self.pace.free + self.pace.each * people.mean),
-                variance: (metres * self.pace.each).powi(2) * people.variance,
-            };
-            Some((people, seconds))
-        };
-        let price = |people: Expected, seconds: Expected, metres: f64| {
-            let battery = self.drain.second * seconds.mean + self.drain.metre * metres;
-            seconds.mean + trip.cost.person * people.mean + trip.cost.percent * battery
-        };
-        let (_, nodes) = astar(
-            &self.map.graph,
-            from,
-            |node| node == to,
-            |edge| {
-                let found = arc(edge.source().index(), edge.target().index(), *edge.weight());
-                found.map_or(f64::INFINITY, |(people, seconds)| price(people, seconds, *edge.weight()))
-            },
-            |_| 0.0,
-        )?;
-        let places: Vec<usize> = nodes.iter().map(|node| node.index()).collect();
+        let (_, nodes) = astar(&self.map.graph, from, |node| node == to, arc, |_| 0.0)?;
+        Some(nodes.iter().map(|node| node.index()).collect())
+    }
+
+    /// The cost of an arc with so many people, its seconds, and what the battery loses on it.
+    fn price(&self, trip: &Trip<'_>, people: f64, metres: f64) -> (f64, f64, f64) {
+        let seconds = metres * (self.pace.free + self.pace.each * people);
+        let battery = self.drain.second * seconds + self.drain.metre * metres;
+        (seconds + trip.cost.person * people + trip.cost.percent * battery, seconds, battery)
+    }
+
+    /// A way with its figures. The people at a place count for both arcs that meet there.
+    fn priced(
+        &self,
+        trip: &Trip<'_>,
+        table: &Table,
+        free: &[f64],
+        step: usize,
+        places: Vec<usize>,
+    ) -> Option<Choice> {
+        let wait = step as f64 * STEP;
         let mut choice = Choice {
-            wait: step as f64 * STEP,
-            places,
+            wait,
             seconds: Expected::default(),
-            people: Expected::default(),
-            battery: self.drain.second * step as f64 * STEP,
-            late: 0.0,
-            cost: trip.cost.waiting * step as f64 * STEP,
+            least: 0.0,
+            people: 0.0,
+            battery: self.drain.second * wait,
+            late: None,
+            cost: self.waiting(trip, wait),
+            places,
         };
-        for pair in choice.places.windows(2) {
-            let metres = self.map.graph.find_edge(NodeIndex::new(pair[0]), NodeIndex::new(pair[1]))?;
-            let metres = self.map.graph[metres];
-            let (people, seconds) = arc(pair[0], pair[1], metres)?;
-            for (sum, part) in [(&mut choice.seconds, seconds), (&mut choice.people, people)] {
-                sum.mean += part.mean;
-                sum.variance += part.variance;
+        // Seconds that a person more costs, by place.
+        let mut weights = vec![(0.0, 0.0); choice.places.len()];
+        for (k, pair) in choice.places.windows(2).enumerate() {
+            let metres =
+                self.map.graph[self.map.graph.find_edge(NodeIndex::new(pair[0]), NodeIndex::new(pair[1]))?];
+            let [a, b] = [pair[0], pair[1]].map(|place| self.there(table, free, step, (pair[0], place)));
+            let (a, b) = (a?, b?);
+            let people = (a.mean + b.mean) / 2.0;
+            let (cost, seconds, battery) = self.price(trip, people, metres);
+            choice.cost += cost;
+            choice.seconds.mean += seconds;
+            choice.battery += battery;
+            choice.people += people;
+            choice.least += metres * self.pace.free;
+            for (at, end) in [(k, a), (k + 1, b)] {
+                weights[at] = (weights[at].0 + metres * self.pace.each / 2.0, end.variance);
             }
-            choice.battery += self.drain.second * seconds.mean + self.drain.metre * metres;
-            choice.cost += price(people, seconds, metres);
         }
-        if let Some(allowed) = trip.allowed {
-            // A normal law for the sum over the arcs.
+        choice.seconds.variance = weights.iter().map(|(weight, variance)| weight * weight * variance).sum();
+        choice.late = trip.allowed.map(|allowed| {
+            // A normal law for the sum over the places.
             let sd = choice.seconds.variance.sqrt().max(1e-9);
-            choice.late = libm::erfc((allowed - choice.seconds.mean) / (sd * std::f64::consts::SQRT_2)) / 2.0;
-            choice.cost += trip.cost.late * choice.late;
-        }
-        Some(choice)
+            libm::erfc((allowed - choice.seconds.mean) / (sd * std::f64::consts::SQRT_2)) / 2.0
+        });
+        choice.cost += trip.cost.late * choice.late.unwrap_or(0.0);
+        choice.cost.is_finite().then_some(choice)
     }
 }
 
@@ -222,44 +267,40 @@ fn duration(seconds: f64) -> String {
 }
 
 impl Choice {
-    /// The 90 % interval of the seconds on the way.
+    /// The 90 % interval of the seconds on the way: not below what it takes where nobody is.
     pub fn seconds_interval(&self) -> (f64, f64) {
         let half = 1.645 * self.seconds.variance.sqrt();
-        ((self.seconds.mean - half).max(0.0), self.seconds.mean + half)
+        ((self.seconds.mean - half).max(self.least.min(self.seconds.mean)), self.seconds.mean + half)
     }
 
-    /// The choice in a sentence, and why it is better than setting out at once where it is.
-    pub fn sentence(&self, map: &Map, at_once: &Self) -> String {
-        let names = |places: &[usize]| {
-            let inner = places.get(1..places.len().max(2) - 1).unwrap_or_default();
-            inner.iter().map(|place| map.places[*place].name.as_str()).collect::<Vec<_>>().join(", ")
+    /// The choice in a sentence, and beside it what the best way at once would be.
+    pub fn sentence(&self, map: &Map, at_once: Option<&Self>) -> String {
+        if self.places.len() < 2 {
+            return "The robot is there.".to_owned();
+        }
+        let by = |choice: &Self| {
+            let inner = &choice.places[1..choice.places.len() - 1];
+            let names: Vec<&str> = inner.iter().map(|place| map.places[*place].name.as_str()).collect();
+            if names.is_empty() { "straight".to_owned() } else { format!("by {}", names.join(", ")) }
         };
         let on_way = |choice: &Self| {
             let (low, high) = choice.seconds_interval();
-            let late = if choice.late > 0.0 {
-                format!(", late in {:.0} of 100", 100.0 * choice.late)
-            } else {
-                String::new()
-            };
+            let late = choice.late.map(|late| match (100.0 * late).round() {
+                0.0 => ", late in fewer than 1 of 100".to_owned(),
+                of => format!(", late in {of} of 100"),
+            });
+            let (seconds, people, late) = (choice.seconds.mean, choice.people, late.unwrap_or_default());
             format!(
-                "{:.0} s ({low:.0} to {high:.0}), {:.1} people on the way{late}",
-                choice.seconds.mean, choice.people.mean
+                "{}: {seconds:.0} s ({low:.0} to {high:.0}), {people:.1} people on the way{late}",
+                by(choice)
             )
         };
-        let by = |choice: &Self| match names(&choice.places) {
-            inner if inner.is_empty() => "straight".to_owned(),
-            inner => format!("by {inner}"),
-        };
         if self.wait == 0.0 {
-            return format!("Go now, {}: {}.", by(self), on_way(self));
+            return format!("Go now, {}.", on_way(self));
         }
-        format!(
-            "Wait {}, then go {}: {}. Now the best way is {}: {}.",
-            duration(self.wait),
-            by(self),
-            on_way(self),
-            by(at_once),
-            on_way(at_once)
-        )
+        let now = at_once.map_or("What comes of setting out now is not known.".to_owned(), |now| {
+            format!("Now the best way is {}.", on_way(now))
+        });
+        format!("Wait {}, then go {}. {now}", duration(self.wait), on_way(self))
     }
 }
