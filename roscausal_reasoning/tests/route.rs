@@ -170,6 +170,7 @@ fn the_best_choice_is_the_best_of_all_ways_and_moments() {
             _ => assert!(best.wait > 0.0, "{best:?}"),
         }
     }
+    assert!(levels.level(0, 8.1).is_some() && levels.level(0, 11.5).is_none());
     let late =
         Trip { from: 0, to: 2, hour: 12.0, horizon: 0.0, allowed: None, now: None, cost: Cost::default() };
     assert!(house.best(&late).unwrap_err().to_string().contains("do not reach"));
@@ -225,6 +226,7 @@ fn a_crowd_ahead_is_avoided_where_it_may_make_the_robot_late() {
     let house = House { map: &map, levels: &levels, pace: Pace { free: 1.0, each: 0.3 }, drain, row: 10.0 };
     let trip =
         Trip { from: 0, to: 2, hour: 8.2, horizon: 0.0, allowed: None, now: None, cost: Cost::default() };
+    assert!(house.best(&Trip { hour: 20.0, ..trip }).is_err(), "days of one hour say nothing of another");
     let quick = house.best(&trip).unwrap().0;
     let sure = house.best(&Trip { allowed: Some(33.5), ..trip }).unwrap().0;
     assert!(quick.places == [0, 1, 2] || quick.seconds.mean < sure.seconds.mean + 1e-9, "{quick:?} {sure:?}");

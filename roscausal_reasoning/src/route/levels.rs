@@ -88,6 +88,8 @@ pub struct Levels {
     pub anew: Vec<Anew>,
     /// First hour, and how many there are.
     hours: (f64, usize),
+    /// One level holds for all hours and places.
+    pooled: bool,
     /// By place and hour; none where nothing was recorded.
     cells: Vec<Option<Expected>>,
     /// Variance of the value around its level, by place and hour.
@@ -268,6 +270,7 @@ impl Levels {
             kept,
             anew,
             hours: rows.hours,
+            pooled,
         })
     }
 
@@ -278,7 +281,7 @@ impl Levels {
 
     fn cell(&self, place: usize, hour: f64) -> Option<usize> {
         let (first, bins) = self.hours;
-        let bin = if bins == 1 {
+        let bin = if self.pooled {
             0
         } else if !hour.is_finite() {
             return None;
