@@ -257,8 +257,12 @@ fn drive(
                     now: (policy != MEAN).then_some(counts.as_slice()),
                     cost: Cost::default(),
                 };
-                let (best, _) = house.best(&trip)?;
-                (best.wait, best.places)
+                match house.best(&trip) {
+                    Ok((best, _)) => (best.wait, best.places),
+                    // At the end of the day a way leads past what was recorded.
+                    Err(roscausal_discovery::Error::Data(_)) => (0.0, day.map.way(leg.from, leg.to)),
+                    Err(error) => return Err(error.into()),
+                }
             }
         };
         simulation.day.as_mut().ok_or_else(no_day)?.decide(time + wait, &places);
