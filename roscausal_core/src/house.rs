@@ -83,6 +83,9 @@ const MARGIN: f64 = 5.0;
 /// Most cells along an axis; those of a larger map are wider.
 const MOST_CELLS: f64 = 500.0;
 
+/// The ends of an arc, metres, and what is expected there.
+type Ends = ([[f64; 2]; 2], [Option<f64>; 2]);
+
 /// What is expected at an hour as a grid for a costmap filter: 0 where nobody is expected to 100 where five people or more are; -1
 /// away from all places and arcs, and where nothing was recorded.
 pub fn costs(map: &Map, known: &Known, hour: f64, resolution: f64) -> OccupancyGrid {
@@ -99,7 +102,7 @@ pub fn costs(map: &Map, known: &Known, hour: f64, resolution: f64) -> OccupancyG
     let [width, height] = [wide, high].map(|size| (size / resolution).ceil() as u32);
     let level = |place: usize| known.levels.level(place, hour).map(|level| level.mean.max(0.0));
     let arcs = map.graph.raw_edges().iter().map(|edge| [edge.source().index(), edge.target().index()]);
-    let arcs: Vec<([[f64; 2]; 2], [Option<f64>; 2])> =
+    let arcs: Vec<Ends> =
         arcs.map(|ends| (ends.map(|place| map.places[place].at), ends.map(level))).collect();
     let cell = |column: u32, row: u32| {
         let at = [x + (f64::from(column) + 0.5) * resolution, y + (f64::from(row) + 0.5) * resolution];

@@ -1,5 +1,7 @@
 //! A working day: what is counted, the battery's law, deadlines, and that people shun the robot.
 
+#![allow(clippy::unwrap_used, reason = "a test may panic: that is how it fails")]
+
 use roscausal_hrisim::{
     Scenario, Simulation,
     day::{Day, DaySpec},

@@ -52,7 +52,8 @@ pub(super) fn decoded(bytes: &[u8]) -> (Cow<'_, [u8]>, Option<&'static str>) {
     }
     let first = &bytes[..bytes.len().min(64)];
     let zeros = |odd: usize| first.len() >= 4 && first.iter().skip(odd).step_by(2).all(|&byte| byte == 0);
-    let (little, big): (fn([u8; 2]) -> u16, fn([u8; 2]) -> u16) = (u16::from_le_bytes, u16::from_be_bytes);
+    type Unit = fn([u8; 2]) -> u16;
+    let (little, big): (Unit, Unit) = (u16::from_le_bytes, u16::from_be_bytes);
     let utf16 = (bytes.strip_prefix(b"\xff\xfe").map(|rest| (rest, little)))
         .or_else(|| bytes.strip_prefix(b"\xfe\xff").map(|rest| (rest, big)))
         .or_else(|| zeros(1).then_some((bytes, little)))
