@@ -5,7 +5,6 @@ use std::{
     ops::{Add, AddAssign, Mul, Neg, Sub},
 };
 
-use roscausal_core::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::rng::Rng;
@@ -227,14 +226,6 @@ impl Area {
         let sum = self.0.iter().fold(Vec2::ZERO, |sum, corner| sum + *corner);
         sum * (1.0 / self.0.len().max(1) as f64)
     }
-}
-
-/// Refuses a number of the field `name` outside of a range.
-pub(crate) fn number(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(Error::param(name, format!("{value} is not allowed; use a number from {low} to {high}")))
 }
 
 #[cfg(test)]

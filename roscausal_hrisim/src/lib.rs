@@ -15,6 +15,7 @@ pub mod pedestrian;
 pub mod person;
 pub mod picture;
 mod plans;
+mod ranges;
 pub mod rng;
 pub mod robot;
 pub mod scenario;

@@ -14,7 +14,7 @@ use roscausal_core::{Error, Result};
 use roscausal_reasoning::route::map::{Map, Place};
 use serde::{Deserialize, Serialize};
 
-use crate::{geometry::Vec2, pedestrian::Crowd, rng::Rng, robot::Robot, world::World};
+use crate::{geometry::Vec2, pedestrian::Crowd, ranges::numbers, rng::Rng, robot::Robot, world::World};
 use people::Worker;
 pub use robot::{Leg, Porter, Task};
 
@@ -150,14 +150,28 @@ impl DaySpec {
             ("tasks", self.tasks as f64, 0.0, 10_000.0),
             ("teams", self.teams.iter().sum::<usize>() as f64, 0.0, 1000.0),
         ];
-        for (name, value, low, high) in ranges {
-            crate::geometry::number(&format!("day.{name}"), value, low, high)?;
-        }
+        numbers("day", &ranges)?;
         for name in &self.closed {
             map.place(name).map_err(|error| Error::param("day.closed", error))?;
         }
         Ok(())
     }
+}
+
+/// Where a place is.
+fn position(map: &Map, place: usize) -> Vec2 {
+    let [x, y] = map.places[place].at;
+    Vec2::new(x, y)
+}
+
+/// The first place of a kind.
+fn of_kind(map: &Map, kind: &str) -> usize {
+    map.places.iter().position(|place| place.kind == kind).unwrap_or(0)
+}
+
+/// What is left of a way when its first place is passed: the next place last.
+fn still_to_pass(way: &[usize]) -> Vec<usize> {
+    way.iter().skip(1).rev().copied().collect()
 }
 
 /// A running day.
@@ -207,8 +221,7 @@ impl Day {
 
     /// Where a place is.
     pub fn at(&self, place: usize) -> Vec2 {
-        let [x, y] = self.map.places[place].at;
-        Vec2::new(x, y)
+        position(&self.map, place)
     }
 
     /// The place at which somebody is counted.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::{Day, DaySpec, HOUR};
+use super::{Day, DaySpec, HOUR, of_kind, still_to_pass};
 use crate::{
     geometry::Vec2,
     pedestrian::{Crowd, Pedestrian},
@@ -74,7 +74,7 @@ pub(super) fn weights(spec: &DaySpec, map: &Map) -> Vec<Vec<Vec<f64>>> {
 impl Day {
     /// The people before they come: all stand outside of the entrance.
     pub(super) fn people(&mut self) -> Crowd {
-        let entrance = self.place_of_kind("entrance");
+        let entrance = of_kind(&self.map, "entrance");
         let outside = self.at(entrance) + OUTSIDE;
         let mut members = Vec::new();
         for (team, count) in self.spec.teams.clone().into_iter().enumerate() {
@@ -96,10 +96,6 @@ impl Day {
             }
         }
         Crowd::new(members)
-    }
-
-    pub(super) fn place_of_kind(&self, kind: &str) -> usize {
-        self.map.places.iter().position(|place| place.kind == kind).unwrap_or(0)
     }
 
     /// Moves the people by one step; who is far from the robot moves once in five.
@@ -146,7 +142,7 @@ impl Day {
             _ => 10.0,
         };
         let stays = -minutes * 60.0 * (1.0 - self.rng.unit()).ln();
-        let goes_home = time >= self.workers[index].shift.1 && place == self.place_of_kind("entrance");
+        let goes_home = time >= self.workers[index].shift.1 && place == of_kind(&self.map, "entrance");
         let outside = self.at(place) + OUTSIDE + self.rng.normal2(0.5);
         let worker = &mut self.workers[index];
         worker.here = place;
@@ -163,14 +159,12 @@ impl Day {
             return;
         }
         let goes_home = time >= self.workers[index].shift.1;
-        let to = if goes_home { self.place_of_kind("entrance") } else { self.choose(index, time, robot) };
+        let to = if goes_home { of_kind(&self.map, "entrance") } else { self.choose(index, time, robot) };
         if to == here {
             self.workers[index].until = time + 30.0;
             return;
         }
-        let mut way = self.map.way(here, to);
-        way.reverse();
-        way.pop();
+        let way = still_to_pass(&self.map.way(here, to));
         let spot = self.spot(way.last().copied().unwrap_or(to));
         let worker = &mut self.workers[index];
         (worker.way, worker.spot) = (way, spot);

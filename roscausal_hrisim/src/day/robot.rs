@@ -4,8 +4,9 @@
 //! free travel time, from when the robot sets out. Who decides says when to set out and by which places ([`Day::decide`]); without anybody
 //! the robot sets out at once on the shortest way. When nothing is to be done it goes to its charger.
 
-use super::{Battery, Day, DaySpec, HOUR};
+use super::{Battery, Day, DaySpec, HOUR, of_kind, position, still_to_pass};
 use crate::{
+    geometry::Vec2,
     pedestrian::Crowd,
     rng::Rng,
     robot::{Robot, RobotOrders},
@@ -84,13 +85,13 @@ pub struct Porter {
     pub charge: f64,
     /// Where it is, or where it passed last.
     pub here: usize,
-    /// Tasks done in time, and tasks that failed.
+    /// Tasks done in time.
     pub done: usize,
     /// Tasks that came too late or were never begun.
     pub failed: usize,
     /// How often the battery was empty.
     pub empty: usize,
-    /// Metres driven, and those of ways that failed.
+    /// Metres driven.
     pub driven: f64,
     /// Metres of ways that failed.
     pub wasted: f64,
@@ -102,7 +103,7 @@ pub struct Porter {
 impl Porter {
     pub(super) fn new(spec: &DaySpec, map: &Map, mut rng: Rng, top_speed: f64) -> Self {
         let work: Vec<usize> = (0..map.places.len()).filter(|&k| map.places[k].kind == "dock").collect();
-        let here = map.places.iter().position(|place| place.kind == "charger").unwrap_or(0);
+        let here = of_kind(map, "charger");
         let mut given: Vec<f64> =
             (0..spec.tasks).map(|_| rng.uniform(0.5, spec.hours - 0.7) * HOUR).collect();
         given.sort_by(f64::total_cmp);
@@ -179,10 +180,7 @@ impl Porter {
         if self.here == self.charger {
             return Doing::Charging;
         }
-        let mut way = map.way(self.here, self.charger);
-        way.reverse();
-        way.pop();
-        Doing::ToCharger(way)
+        Doing::ToCharger(still_to_pass(&map.way(self.here, self.charger)))
     }
 
     fn drain(&mut self, battery: &Battery, v: f64, dt: f64) {
@@ -207,7 +205,7 @@ impl Day {
             && (places.first(), places.last()) == (Some(&leg.from), Some(&leg.to))
             && places.windows(2).all(joined)
         {
-            *decided = Some((depart.min(leg.latest), places[1..].iter().rev().copied().collect()));
+            *decided = Some((depart.min(leg.latest), still_to_pass(places)));
             return true;
         }
         false
@@ -228,9 +226,9 @@ impl Day {
             _ => None,
         };
         robot.waypoints = target.into_iter().collect();
-        let ahead = |p: crate::geometry::Vec2| {
+        let ahead = |p: Vec2| {
             let offset = p - robot.position;
-            offset.norm() < MINDED && offset.dot(crate::geometry::Vec2::polar(1.0, robot.theta)) > 0.0
+            offset.norm() < MINDED && offset.dot(Vec2::polar(1.0, robot.theta)) > 0.0
         };
         let minded = crowd.members.iter().filter(|member| ahead(member.position)).count();
         let walkers: Vec<_> = crowd.members.iter().map(|member| member.position).collect();
@@ -250,17 +248,15 @@ impl Day {
 
     fn go_on_with(&mut self, doing: Doing, time: f64, robot: &mut Robot) -> Doing {
         let porter = &mut self.porter;
-        let reached = |place: usize, within: f64| {
-            let [x, y] = self.map.places[place].at;
-            robot.position.distance(crate::geometry::Vec2::new(x, y)) < within
-        };
+        let reached =
+            |place: usize, within: f64| robot.position.distance(position(&self.map, place)) < within;
         match doing {
             Doing::Idle | Doing::Charging => {
                 porter.doing = doing;
                 porter.next_doing(&self.map, &self.spec, time)
             }
             Doing::Deciding(leg, None) if !porter.guided => {
-                let way: Vec<usize> = self.map.way(leg.from, leg.to).into_iter().skip(1).rev().collect();
+                let way = still_to_pass(&self.map.way(leg.from, leg.to));
                 Doing::Deciding(leg, Some((time, way)))
             }
             Doing::Deciding(leg, Some((depart, left))) if depart <= time => {
@@ -304,8 +300,7 @@ impl Day {
                 Doing::ToCharger(left)
             }
             Doing::Empty(until) if time >= until => {
-                let [x, y] = self.map.places[porter.charger].at;
-                (porter.here, robot.position) = (porter.charger, crate::geometry::Vec2::new(x, y));
+                (porter.here, robot.position) = (porter.charger, position(&self.map, porter.charger));
                 Doing::Charging
             }
             waiting => waiting,

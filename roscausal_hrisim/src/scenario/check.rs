@@ -4,9 +4,10 @@ use roscausal_core::{Error, Result};
 
 use super::{Plan, Scenario};
 use crate::{
-    geometry::{Segment, Vec2, number},
+    geometry::{Segment, Vec2},
     intervention::{Intervention, Target},
     plans::{person_areas, robot_waypoints},
+    ranges::{number, numbers},
     world::{MAPS, World},
 };
 
@@ -94,9 +95,7 @@ impl Scenario {
                 ("pace_sd", p.pace_sd, 0.0, 1.0),
                 ("pace_time", p.pace_time, 0.01, 100.0),
             ];
-            for (name, value, low, high) in fields {
-                number(&format!("{at}.walk.{name}"), value, low, high)?;
-            }
+            numbers(&format!("{at}.walk"), &fields)?;
             let areas = person_areas(self, index);
             if areas.len() == 1 && self.plan != Plan::Crowd {
                 let reason = "one area only; give two or more, so that the goal changes";
@@ -146,9 +145,7 @@ impl Scenario {
                 ("arrival", d.arrival, 0.1, 5.0),
                 ("stop_distance", d.stop_distance, 0.0, 10.0),
             ];
-            for (name, value, low, high) in fields {
-                number(&format!("{at}.drive.{name}"), value, low, high)?;
-            }
+            numbers(&format!("{at}.drive"), &fields)?;
             let mut reach = robot.start;
             if let Some(start) = robot.start {
                 place(world, &format!("{at}.start"), start, None, 0.0)?;
