@@ -2,6 +2,7 @@
 yet, ten callers at once, persistent callers, and a restart."""
 
 import contextlib
+import json
 import math
 import os
 import signal
@@ -14,11 +15,14 @@ import rospy
 from dynamic_reconfigure.msg import Config, DoubleParameter
 from dynamic_reconfigure.srv import Reconfigure, ReconfigureResponse
 from roscausal_msgs.msg import Action, CausalLink, CausalModelInfo, CostTerm, Features, Intervention, Limit, Prediction, RobotState
-from roscausal_msgs.srv import (Effect, EffectRequest, Explain, ExplainRequest, WhatIf, WhatIfRequest, WhatIfResponse)
+from roscausal_msgs.srv import (Effect, EffectRequest, Explain, ExplainRequest, Route, RouteRequest, RouteResponse, WhatIf,
+                                WhatIfRequest, WhatIfResponse)
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+import house
 import known_system
-from std_msgs.msg import Float64
+from nav_msgs.msg import OccupancyGrid
+from std_msgs.msg import Float64, String
 
 from harness import NODE, Group, Process, eventually
 
@@ -26,7 +30,7 @@ group = Group()
 case = group.case
 OK, NOT_SUPPORTED, NO_MODEL, NO_DATA, BAD_REQUEST = (getattr(WhatIfResponse, name) for name in (
     "OK", "NOT_SUPPORTED", "NO_MODEL", "NO_DATA", "BAD_REQUEST"))
-KINDS = {"what_if": WhatIf, "effect": Effect, "explain": Explain}
+KINDS = {"what_if": WhatIf, "effect": Effect, "explain": Explain, "route": Route}
 
 
 def reasoning(roscore, batch, graph=None):
@@ -352,6 +356,41 @@ def a_question_that_needs_no_computation_there_and_back(roscore):
                         proxy.close()
                         medians.append(1000 * sorted(took)[50])
             return "median %.1f ms, %.1f ms over a connection that stays; a server in rospy %.1f ms, %.1f ms" % tuple(medians)
+
+
+@case
+def a_robot_asks_for_its_ways_and_drives_them_past_the_crowd(roscore):
+    with tempfile.TemporaryDirectory() as folder:
+        scenario, model, days = house.write(folder)
+        for name, value in (("map", scenario), ("model", model), ("days", days), ("hour", house.offset())):
+            roscore.param("/roscausal_reasoning/route_" + name, value)
+        for name, value in (("scenario", scenario), ("guided", True), ("speed", 10.0)):
+            roscore.param("/roscausal_hrisim/" + name, value)
+        with Process(NODE, "reasoning"):
+            asked = lambda **more: ask("route", RouteRequest(**more))
+            assert asked(from_place="left", to_place="nowhere", hour=8.5).status == RouteResponse.BAD_REQUEST
+            assert asked(from_place="left", to_place="right", hour=20.0).status == RouteResponse.NOT_SUPPORTED
+            house.check_grid(rospy.wait_for_message("/roscausal/route_costs", OccupancyGrid, 30))
+            legs, numbers = [], {}
+            topics = ("/battery", "/hour", "/people_counter/upper", "/robot_at/dock_e")
+            heard = [rospy.Subscriber("/hri/leg", String, lambda message: legs.append(json.loads(message.data)))]
+            heard += [rospy.Subscriber(name, Float64, lambda message, name=name: numbers.__setitem__(name, message.data)) for name in topics]
+            way = rospy.Publisher("/hri/way", String, queue_size=10)
+            with Process(NODE, "hrisim"):
+                for done in range(3):
+                    eventually(lambda: legs and legs[-1], 120, lambda: "a way to decide on after %d: %s" % (done, legs))
+                    leg = legs[-1]
+                    answer = asked(from_place=leg["from"], to_place=leg["to"], hour=leg["hour"], horizon=leg["wait"],
+                                   allowed=leg["allowed"], loaded=leg["loaded"])
+                    eventually(lambda: way.get_num_connections() > 0, 30, "the simulator listens")
+                    way.publish(String(house.check(answer, leg)))
+                    eventually(lambda: legs[-1] != leg, 120, "the way is taken")
+                assert set(numbers) == set(topics), numbers
+                assert 0 < numbers["/battery"] < 100 and 8 < numbers["/hour"] < 8.3, numbers
+            for one in heard:
+                one.unregister()
+        for name in ("map", "model", "days"):
+            roscore.param("/roscausal_reasoning/route_" + name, "")
 
 
 if __name__ == "__main__":

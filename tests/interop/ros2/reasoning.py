@@ -2,6 +2,7 @@
 model yet, ten callers at once, and a restart."""
 
 import contextlib
+import json
 import math
 import os
 import signal
@@ -10,14 +11,17 @@ import tempfile
 import time
 
 from builtin_interfaces.msg import Time
-from nav2_msgs.msg import SpeedLimit
+from nav2_msgs.msg import CostmapFilterInfo, SpeedLimit
+from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64, String
 
 sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+import house
 import known_system
 from harness import Program, Ros, node, test
 from roscausal_msgs.msg import Action, CausalLink, CausalModelInfo, CostTerm, Features, Intervention, Limit, Prediction, RobotState
-from roscausal_msgs.srv import Effect, Explain, WhatIf
+from roscausal_msgs.srv import Effect, Explain, Route, WhatIf
 from wire import LATCHED
 
 OK, NOT_SUPPORTED, NO_MODEL, NO_DATA, BAD_REQUEST = (getattr(WhatIf.Response, name) for name in (
@@ -328,3 +332,39 @@ def a_question_that_needs_no_computation_there_and_back():
                 took.append(time.monotonic() - start)
                 assert future.result().status == BAD_REQUEST, future.result()
             return f"median {1000 * sorted(took)[50]:.1f} ms"
+
+
+@test
+def a_robot_asks_for_its_ways_and_drives_them_past_the_crowd():
+    with tempfile.TemporaryDirectory() as folder:
+        scenario, model, days = house.write(folder)
+        given = [f"route_map:={scenario}", f"route_model:={model}", f"route_days:={days}", f"route_hour:={house.offset():.4f}"]
+        simulated = [f"scenario:={scenario}", "guided:=true", "speed:=10.0"]
+        words = lambda params: [word for param in params for word in ("-p", param)]
+        with node("reasoning", *words(given)), Ros() as ros:
+            asked = lambda **more: ros.call(Route, "/roscausal/route", Route.Request(**more))
+            assert asked(from_place="left", to_place="nowhere", hour=8.5).status == Route.Response.BAD_REQUEST
+            assert asked(from_place="left", to_place="right", hour=20.0).status == Route.Response.NOT_SUPPORTED
+            grids, infos = [], []
+            kept = [ros.node.create_subscription(OccupancyGrid, "/roscausal/route_costs", grids.append, LATCHED),
+                    ros.node.create_subscription(CostmapFilterInfo, "/roscausal/route_costs_info", infos.append, LATCHED)]
+            ros.until(lambda: grids and infos, 30, "a grid of costs and how to read it")
+            house.check_grid(grids[-1])
+            assert infos[-1].filter_mask_topic == "/roscausal/route_costs" and infos[-1].multiplier == 1.0, (infos, kept)
+            legs, numbers = [], {}
+            take = lambda name: lambda message: numbers.__setitem__(name, message.data)
+            heard = [ros.node.create_subscription(String, "/hri/leg", lambda message: legs.append(json.loads(message.data)), LATCHED)]
+            heard += [ros.node.create_subscription(Float64, name, take(name), 10) for name in
+                      ("/battery", "/hour", "/people_counter/upper", "/robot_at/dock_e")]
+            way = ros.node.create_publisher(String, "/hri/way", 10)
+            with node("hrisim", *words(simulated)):
+                for done in range(3):
+                    ros.until(lambda: legs and legs[-1], 60, lambda: f"a way to decide on after {done}: {legs}")
+                    leg = legs[-1]
+                    answer = asked(from_place=leg["from"], to_place=leg["to"], hour=leg["hour"], horizon=leg["wait"],
+                                   allowed=leg["allowed"], loaded=leg["loaded"])
+                    way.publish(String(data=house.check(answer, leg)))
+                    ros.until(lambda: legs[-1] != leg, 60, "the way is taken")
+                assert set(numbers) == {"/battery", "/hour", "/people_counter/upper", "/robot_at/dock_e"}, numbers
+                assert 0 < numbers["/battery"] < 100 and 8 < numbers["/hour"] < 8.3, numbers
+            assert heard
