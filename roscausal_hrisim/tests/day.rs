@@ -5,6 +5,7 @@
 use roscausal_hrisim::{
     Scenario, Simulation,
     day::{Day, DaySpec},
+    scenario::RobotSpec,
 };
 
 fn simulation(spec: DaySpec, seed: u64) -> Simulation {
@@ -168,4 +169,7 @@ fn a_wrong_day_is_refused_with_its_field() {
         let stated = refused(spec);
         assert!(stated.contains(reason), "{stated}");
     }
+    let robots = vec![RobotSpec::default(); 2];
+    let stated = Scenario { robots, ..Scenario::of_day("x", house()) }.check().unwrap_err().to_string();
+    assert!(stated.contains("one robot"), "{stated}");
 }

@@ -50,6 +50,9 @@ impl Scenario {
         number("duration", self.duration, 0.04, 1e7)?;
         if let Some(day) = &self.day {
             day.check()?;
+            if self.robots.len() != 1 {
+                return Err(Error::param("day", "a working day has one robot; give one of [[robots]]"));
+            }
         }
         self.check_people(&world)?;
         self.check_robots(&world)?;

@@ -14,6 +14,7 @@ const MOST_PLACES: usize = 500;
 
 /// A place where somebody may be.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Place {
     /// Its name: letters, digits and `_`.
     pub name: String,
