@@ -12,7 +12,6 @@ mod resampling;
 mod trajectories;
 
 use std::{
-    collections::HashSet,
     ffi::OsString,
     path::{Path, PathBuf},
     sync::{Arc, atomic::AtomicBool},
@@ -25,7 +24,7 @@ use roscausal_core::{
     batch::{
         Table,
         joint::{Facts, Joint},
-        table::common_step,
+        table::{Note, common_step},
     },
 };
 use roscausal_discovery::{
@@ -448,20 +447,7 @@ impl Data {
     fn of(tables: Vec<(Input, Table)>) -> Result<Self> {
         let names = tables.first().map(|(_, table)| table.names.clone()).unwrap_or_default();
         let dt = common_step(tables.iter().map(|(file, table)| (file.user.as_path(), table)))?;
-        let (mut warnings, mut known): (Vec<String>, HashSet<String>) = Default::default();
-        for (file, table) in &tables {
-            // Several batches of one recording say their own names.
-            let user = file.user.display();
-            let name = match file.table.file_name().filter(|_| file.is_recorded()) {
-                Some(batch) => format!("{user} ({})", batch.display()),
-                None => user.to_string(),
-            };
-            for note in table.notes.iter().map(|note| format!("{name}: {note}")) {
-                if known.insert(note.clone()) {
-                    warnings.push(note);
-                }
-            }
-        }
+        let warnings = notes_on(&tables);
         let recorded = tables.iter().any(|(file, _)| file.is_recorded());
         let origins = tables.iter().map(|(file, _)| file.user.clone()).collect();
         let runs = runs_of(&tables, dt);
@@ -514,6 +500,35 @@ fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settin
         return Err(Error::Data(reason));
     }
     Ok(profile.for_test(&settings.cond_ind_test))
+}
+
+/// What is said of the tables, each matter once. What is constant in one table and not in another is no matter.
+fn notes_on(tables: &[(Input, Table)]) -> Vec<String> {
+    let varies = |column: &String, value: f64| {
+        let of = |table: &Table| {
+            let var = table.names.iter().position(|name| name == column);
+            var.is_some_and(|var| table.values.column(var).iter().any(|v| !v.is_nan() && *v != value))
+        };
+        tables.iter().any(|(_, table)| of(table))
+    };
+    let matters = |note: &Note| !matches!(note, Note::Constant { column, value } if varies(column, *value));
+    let notes =
+        tables.iter().enumerate().flat_map(|(k, (_, table))| table.notes.iter().map(move |note| (k, note)));
+    let name = |table: usize| {
+        let file = &tables[table].0;
+        // Several batches of one recording say their own names.
+        match file.table.file_name().filter(|_| file.is_recorded()) {
+            Some(batch) => format!("{} ({})", file.user.display(), batch.display()),
+            None => file.user.display().to_string(),
+        }
+    };
+    let line = |(of, note): (Vec<usize>, Note)| match of[..] {
+        [first, .., last] => {
+            format!("{} to {} ({} of {} tables): {note}", name(first), name(last), of.len(), tables.len())
+        }
+        _ => format!("{}: {note}", name(of[0])),
+    };
+    Note::gathered(notes.filter(|(_, note)| matters(note))).into_iter().map(line).collect()
 }
 
 /// The files with their metadata, if that mentions interventions or several people and all columns are analysed.

@@ -203,8 +203,11 @@ fn table(model: &Model) -> Vec<String> {
                 }
                 let outcome = model.outcomes[i][j][lag];
                 let mark = match (mark.is_link(), outcome.why_not()) {
-                    (false, None) => "-".to_owned(),
-                    (true, None) => mark.to_string(),
+                    (is_link, None) => {
+                        let few = few(model, model.n_matrix[i][j][lag]);
+                        let few = few.map_or(String::new(), |used| format!("  {used} samples"));
+                        if is_link { format!("{mark}{few}") } else { format!("-{few}") }
+                    }
                     (false, Some(why)) => format!("not tested: {why}"),
                     (true, Some(why)) => format!("{mark} (not tested: {why})"),
                 };

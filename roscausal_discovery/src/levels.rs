@@ -11,7 +11,7 @@ use ndarray::Array2;
 
 use crate::{
     methods::Method,
-    numeric::rows::moments,
+    numeric::rows,
     profile::effective_share,
     settings::{Levels, Settings},
     types::{DataFrame, Named},
@@ -46,14 +46,18 @@ impl Levelled {
         if one || other || settings.levels == Levels::Keep {
             return Self { data, settings, note: None };
         }
+        // What is constant in each recording says which one a row is of.
+        let differs = |var: usize, by: usize| data.different_values(var, by).len() > by;
+        let constant = |var| of_runs(&data, var, &runs).iter().all(|values| rows::is_constant(values));
+        let labels: Vec<usize> = (0..data.n_vars()).filter(|&var| differs(var, 1) && constant(var)).collect();
         // Numbers, not one of two categories.
         let vars: Vec<usize> =
-            (0..data.n_vars()).filter(|&var| data.different_values(var, 2).len() > 2).collect();
+            (0..data.n_vars()).filter(|var| differs(*var, 2) && !labels.contains(var)).collect();
         let levels: Vec<usize> =
             vars.iter().copied().filter(|&var| levels_differ(&data, var, &runs)).collect();
         let scales: Vec<usize> =
             vars.iter().copied().filter(|&var| scales_differ(&data, var, &runs)).collect();
-        if settings.levels == Levels::Auto && levels.is_empty() && scales.is_empty() {
+        if settings.levels == Levels::Auto && [&levels, &scales, &labels].iter().all(|of| of.is_empty()) {
             return Self { data, settings, note: None };
         }
         let named = |(vars, what): (&[usize], &str)| -> Option<String> {
@@ -68,12 +72,17 @@ impl Levelled {
             false => format!("the recordings differ in {}: ", differ.join(" and in ")),
         };
         let what = if scales.is_empty() { "level is" } else { "level and scale are" };
-        let note = format!(
+        let mut note = format!(
             "{why}each one's own {what} taken out, so that what differs between recordings makes no link ({} keep leaves it in)",
             Named("levels")
         );
+        if !labels.is_empty() {
+            let names = data.listed(labels.iter().copied());
+            note +=
+                &format!("; {names}: constant in each recording, so only jpcmciplus takes it for a cause");
+        }
         let mut recordings = data.recordings().to_vec();
-        vars.iter().for_each(|&var| take_out(&mut recordings, var, &runs, !scales.is_empty()));
+        vars.iter().chain(&labels).for_each(|&var| take_out(&mut recordings, var, &runs, !scales.is_empty()));
         match data.with_values(recordings) {
             Some(data) => {
                 Self { data, settings: Settings { levels: Levels::Remove, ..settings }, note: Some(note) }
@@ -81,6 +90,12 @@ impl Levelled {
             None => Self { data, settings, note: None },
         }
     }
+}
+
+/// Mean and standard deviation; of equal values exactly they and 0.
+fn moments(values: &[f64]) -> (f64, f64) {
+    let same = values.first().filter(|first| values.iter().all(|value| value == *first));
+    same.map_or_else(|| rows::moments(values), |value| (*value, 0.0))
 }
 
 /// The values of a variable in each run that has some.

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     later::Later,
+    methods::is_constant as is_constant_column,
     numeric::rows::{cumulated, dot, is_constant, long_run_variance, moments, standardize},
     season::Season,
     types::{DataFrame, Named, names::plain, same_value},
@@ -264,7 +265,8 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (VariableProfile, Vec<St
         effective_samples: (rows - missing) as f64,
         ..VariableProfile::default()
     };
-    if different.len() < 2 {
+    // What only says which recording a row is of moves, drifts and has ties by its nature.
+    if different.len() < 2 || (data.recordings().len() > 1 && columns().all(is_constant_column)) {
         profile.longest_constant = rows - missing;
         return (profile, Vec::new(), Seen::default());
     }

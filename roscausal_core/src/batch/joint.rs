@@ -137,8 +137,9 @@ impl Joint {
         let full: HashSet<&String> = full.map(|(name, _)| name).collect();
         let goes = |note: &&Note| matches!(note, Note::Empty { column } if !full.contains(column));
         let notes = tables.iter().flat_map(|(table, _)| &table.notes);
-        let notes = notes.filter(|note| !varies(note) && !goes(note));
-        let warnings = notes.map(ToString::to_string).chain(notes_on_context).collect();
+        let notes = notes.filter(|note| !varies(note) && !goes(note)).map(|note| (0, note));
+        let notes = Note::gathered(notes).into_iter().map(|(_, note)| note.to_string());
+        let warnings = notes.chain(notes_on_context).collect();
         Ok(Self { tables, context, dt, warnings })
     }
 

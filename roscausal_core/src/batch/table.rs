@@ -128,6 +128,42 @@ impl Note {
     }
 }
 
+impl Note {
+    /// Each matter once, with the numbers of the files that it is about, in order; missing cells are counted together.
+    pub fn gathered<'a>(notes: impl Iterator<Item = (usize, &'a Self)>) -> Vec<(Vec<usize>, Self)> {
+        let mut told: Vec<(Vec<usize>, Self)> = Vec::new();
+        for (file, note) in notes {
+            let Some((files, known)) = told.iter_mut().find(|(_, known)| known.is_same_matter(note)) else {
+                told.push((vec![file], note.clone()));
+                continue;
+            };
+            known.join(note);
+            if files.last() != Some(&file) {
+                files.push(file);
+            }
+        }
+        told
+    }
+
+    /// Whether it says the same of one file as the other of another file.
+    fn is_same_matter(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Missing { column, .. }, Self::Missing { column: of, .. }) => column == of,
+            _ => self == other,
+        }
+    }
+
+    /// Counts the cells of another file, too.
+    fn join(&mut self, other: &Self) {
+        if let (Self::Missing { missing, cells, .. }, Self::Missing { missing: more, cells: of, .. }) =
+            (self, other)
+        {
+            *missing += more;
+            *cells += of;
+        }
+    }
+}
+
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
