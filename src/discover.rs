@@ -491,6 +491,10 @@ fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settin
                  with {} '!{b}'",
                 Named("columns")
             ),
+            Fault::SameRecording(a, b) if origins.get(a) == origins.get(b) => format!(
+                "{} holds the same rows twice, as a loop that was recorded on does; cut it to one lap",
+                origin(&a)
+            ),
             Fault::SameRecording(a, b) => format!(
                 "{} and {} hold the same rows: counted twice, they would make any link significant; leave one out",
                 origin(&a),

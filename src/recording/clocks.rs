@@ -22,6 +22,12 @@ use super::order::{Intervals, Lead};
 const CLOSE_S: f64 = 1.0;
 /// Clocks that differ by more than this are two clocks: no tracker takes so long. Seconds.
 const ONE_CLOCK_S: f64 = 5.0;
+/// Stamps this far ahead of the time of recording are of another clock, if others have that time: no delay makes that. Transforms
+/// are often dated ahead. Seconds.
+const AHEAD_S: f64 = 0.25;
+const TF_AHEAD_S: f64 = 2.0;
+/// Parts of a recording whose offsets are compared.
+const PARTS: usize = 10;
 /// So many stamps must follow each other after a jump of the clock; fewer are mistakes.
 const CONFIRMED: usize = 50;
 /// If more than this share of a topic's stamps are mistaken, none of them is right or wrong.
@@ -63,6 +69,8 @@ pub(crate) struct Offsets {
     kept: Vec<f64>,
     every: u64,
     count: u64,
+    last: Time,
+    same: u64,
     steps: Option<Steps>,
 }
 
@@ -73,8 +81,12 @@ pub(crate) struct Offset {
     pub(crate) median_s: f64,
     /// Between the 5th and the 95th of 100, seconds.
     pub(crate) spread_s: f64,
+    /// Between the medians of ten parts of the recording, seconds.
+    wander_s: f64,
     /// Messages with a stamp.
     pub(crate) count: u64,
+    /// Those of them that have the stamp of the one before.
+    same: u64,
     /// Mistaken stamps and jumps.
     pub(crate) stepped: Stepped,
 }
@@ -88,9 +100,18 @@ impl Offset {
             value if value.abs() >= 1e5 => format!("{value:.3e}"),
             value => format!("{value:.3}"),
         };
-        let Stepped { mistakes, back, ahead } = &self.stepped;
-        let jumps = mistakes.len() as u64 + back.len() as u64 + ahead;
+        let jumps = self.stepped.mistakes.len() as u64 + self.jumps();
         [short(self.median_s), short(self.spread_s), jumps.to_string()]
+    }
+
+    /// How often the clock jumped for good.
+    fn jumps(&self) -> u64 {
+        self.stepped.back.len() as u64 + self.stepped.ahead
+    }
+
+    /// Whether all its stamps go on with the time of recording.
+    fn is_steady(&self) -> bool {
+        self.jumps() == 0 && self.stepped.mistakes.is_empty() && self.wander_s < CLOSE_S / 4.0
     }
 }
 
@@ -110,6 +131,7 @@ impl Offsets {
             self.every *= 2;
         }
         self.count += 1;
+        self.same += u64::from(std::mem::replace(&mut self.last, stamp) == stamp);
         let follows = |a: Tick, b: Tick| {
             let (step, passed) = (b.stamp.secs_since(a.stamp), b.came.secs_since(a.came));
             (step - passed).abs() <= CLOSE_S || (step >= 0.0 && step <= passed + CLOSE_S)
@@ -119,11 +141,17 @@ impl Offsets {
 
     /// The result; `None` without any stamp.
     pub(crate) fn finish(mut self) -> Option<Offset> {
+        let median = |part: &mut [f64]| *part.select_nth_unstable_by(part.len() / 2, f64::total_cmp).1;
+        let length = self.kept.len().div_ceil(PARTS).max(2);
+        let parts = self.kept.chunks_mut(length);
+        let (low, high) =
+            parts.map(median).fold((f64::MAX, f64::MIN), |(low, high), at| (low.min(at), high.max(at)));
         self.kept.sort_by(f64::total_cmp);
         let at =
             |share: f64| self.kept.get((share * (self.kept.len() as f64 - 1.0)).round() as usize).copied();
         let (median_s, spread_s) = (at(0.5)?, at(0.95)? - at(0.05)?);
-        Some(Offset { median_s, spread_s, count: self.count, stepped: self.steps?.finish() })
+        let (count, same, stepped) = (self.count, self.same, self.steps?.finish());
+        Some(Offset { median_s, spread_s, wander_s: high - low, count, same, stepped })
     }
 }
 
@@ -215,7 +243,6 @@ impl Clocks {
         let topics = recording.topics().to_vec();
         let definitions = Arc::new(Definitions::of(""));
         let is_tf = |topic: &Topic| topic.type_name == "tf2_msgs/TFMessage";
-        // What is fixed has no time; transforms of the future are usual.
         let is_measured = |topic: &Topic| wanted(topic) && !is_tf(topic) && !is_clock(topic);
         let has_clock = topics.iter().any(is_clock);
         let stamps_of = |topic: &Topic| Stamps::of(topic, &definitions).filter(|_| is_measured(topic));
@@ -244,14 +271,14 @@ impl Clocks {
                 }
                 continue;
             }
-            if moves(topic) {
-                if let Ok(message) = topic.decode::<TFMessage>(&record.bytes) {
-                    intervals.entry(record.topic).or_default().add(&message);
-                }
-                continue;
-            }
             let number = number(&mut numbers, &record);
-            let stamp = stamps[record.topic].as_ref().and_then(|stamps| stamps.first(&record.bytes));
+            let stamp = if moves(topic) {
+                let message = topic.decode::<TFMessage>(&record.bytes).unwrap_or_default();
+                intervals.entry(record.topic).or_default().add(&message);
+                message.transforms.first().map(|one| one.header.stamp).filter(|stamp| *stamp != Time::ZERO)
+            } else {
+                stamps[record.topic].as_ref().and_then(|stamps| stamps.first(&record.bytes))
+            };
             // Before the first message of a clock its time is not known.
             let came = if has_clock { now } else { Some(record.stamp) };
             if let (Some(stamp), Some(came)) = (stamp, came) {
@@ -260,17 +287,20 @@ impl Clocks {
             }
         }
         let measured: Vec<Option<Offset>> = offsets.into_iter().map(Offsets::finish).collect();
-        check_same(path, &topics, &measured)?;
-        let mut clocks = Self { fixed, ..Self::default() };
+        let mut clocks = Self { fixed, notes: check(path, &topics, &measured)?, ..Self::default() };
         if !has_clock {
+            let late =
+                |offset: &Option<Offset>| offset.as_ref().map_or(0.0, |of| Lead::of_offset(of.median_s));
             let lead = |(topic, offset): (usize, &Option<Offset>)| match intervals.get(&topic) {
-                Some(intervals) => intervals.lead(),
-                None => offset.as_ref().map_or(0.0, |offset| Lead::of_offset(offset.median_s)),
+                Some(intervals) => intervals.lead() + late(offset),
+                None => late(offset),
             };
             clocks.lead = Lead(measured.iter().enumerate().map(lead).collect());
         }
         for (topic, offset) in topics.iter().zip(measured) {
-            let Offset { count, stepped: Stepped { mistakes, .. }, .. } = offset.unwrap_or_default();
+            // Transforms of several publishers come with delays of their own.
+            let offset = offset.filter(|_| !is_tf(topic)).unwrap_or_default();
+            let Offset { count, stepped: Stepped { mistakes, .. }, .. } = offset;
             let (file, name, wrong) = (path.display(), &topic.name, mistakes.len());
             if wrong as f64 / count.max(1) as f64 > MOST_MISTAKEN {
                 clocks.notes.push(format!(
@@ -303,28 +333,65 @@ pub(super) fn number(numbers: &mut [u64], record: &Record) -> u64 {
     *next - 1
 }
 
-/// Checks that stamps are of one clock.
-fn check_same(path: &Path, topics: &[Topic], measured: &[Option<Offset>]) -> Result<()> {
-    let median = |(topic, offset): (_, &Option<Offset>)| {
-        let offset = offset.as_ref().filter(|offset| offset.count >= ENOUGH)?;
-        Some((topic, offset.median_s))
+/// Checks that stamps are of one clock that goes on with the time of recording. Returns what may be wrong with them.
+fn check(path: &Path, topics: &[Topic], measured: &[Option<Offset>]) -> Result<Vec<String>> {
+    let is_tf = |topic: &Topic| topic.type_name == "tf2_msgs/TFMessage";
+    let known = topics.iter().zip(measured).filter_map(|(topic, offset)| Some((topic, offset.as_ref()?)));
+    let known: Vec<(&Topic, &Offset)> = known.filter(|(_, offset)| offset.count >= ENOUGH).collect();
+    let by = |a: &&(&Topic, &Offset), b: &&(&Topic, &Offset)| a.1.median_s.total_cmp(&b.1.median_s);
+    let (Some(least), Some(most)) = (known.iter().min_by(by), known.iter().max_by(by)) else {
+        return Ok(Vec::new());
     };
-    let known: Vec<(&Topic, f64)> = topics.iter().zip(measured).filter_map(median).collect();
-    let Some(least) = known.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { return Ok(()) };
-    let Some(most) = known.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return Ok(()) };
-    let apart = most.1 - least.1;
-    if apart <= ONE_CLOCK_S {
-        return Ok(());
+    let apart = most.1.median_s - least.1.median_s;
+    if apart > ONE_CLOCK_S {
+        // The one that is farther from the time of recording.
+        let odd = if most.1.median_s.abs() > least.1.median_s.abs() { most.0 } else { least.0 };
+        let (a, b, odd) = (&least.0.name, &most.0.name, &odd.name);
+        let [apart, of_a, of_b] = [apart, least.1.median_s, most.1.median_s].map(seconds);
+        let reason = format!(
+            "the clocks of {a} and {b} differ by {apart}: their stamps are {of_a} and {of_b} from the time of recording; --clock recording \
+             uses that time instead of all stamps, --clock {odd}=recording of those of one topic"
+        );
+        return Err(Error::file(path, reason));
     }
-    // The one that is farther from the time of recording.
-    let odd = if most.1.abs() > least.1.abs() { most.0 } else { least.0 };
-    let (a, b, odd) = (&least.0.name, &most.0.name, &odd.name);
-    let [apart, of_a, of_b] = [apart, least.1, most.1].map(seconds);
-    let reason = format!(
-        "the clocks of {a} and {b} differ by {apart}: their stamps are {of_a} and {of_b} from the time of recording; --clock recording \
-         uses that time instead of all stamps, --clock {odd}=recording of those of one topic"
-    );
-    Err(Error::file(path, reason))
+    let (mut notes, file) = (Vec::new(), path.display());
+    for (topic, offset) in &known {
+        let other = |has: &dyn Fn(&Offset) -> bool| {
+            known.iter().find(|(of, offset)| of != topic && !is_tf(of) && has(offset)).map(|(of, _)| &of.name)
+        };
+        let (name, steady) = (&topic.name, other(&|of| of.is_steady()).filter(|_| !is_tf(topic)));
+        let instead = format!("--clock {name}=recording uses that time instead of its stamps");
+        if let (1.., Some(steady)) = (offset.jumps(), steady) {
+            let reason = format!(
+                "the clock of {name} jumps against the time of recording, that of {steady} does not; {instead}"
+            );
+            return Err(Error::file(path, reason));
+        }
+        if let (true, Some(steady)) = (offset.wander_s > CLOSE_S, steady) {
+            notes.push(format!(
+                "{file}: the stamps of {name} move by {} against the time of recording, those of {steady} do not: they came late, or \
+                 their clock was set or is fast or slow; {instead}",
+                seconds(offset.wander_s)
+            ));
+        }
+        let most_ahead = if is_tf(topic) { TF_AHEAD_S } else { AHEAD_S };
+        if let (true, Some(exact)) =
+            (offset.median_s > most_ahead, other(&|of| of.median_s.abs() < AHEAD_S / 2.0))
+        {
+            notes.push(format!(
+                "{file}: the stamps of {name} are {:.2} s ahead of the time of recording, those of {exact} are not, so it has another \
+                 clock; {instead}",
+                offset.median_s
+            ));
+        }
+        if 2 * offset.same > offset.count && !is_tf(topic) {
+            notes.push(format!(
+                "{file}: {} of {} messages of {name} have the stamp of the one before, and only the first of a stamp counts; {instead}",
+                offset.same, offset.count
+            ));
+        }
+    }
+    Ok(notes)
 }
 
 fn seconds(value: f64) -> String {

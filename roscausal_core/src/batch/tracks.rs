@@ -317,7 +317,10 @@ impl Track {
     /// How far apart the samples are between which a value at `t` lies, and how far it reaches ahead of `t`: the share of the later one
     /// times how much later that is. Nanoseconds.
     pub(super) fn spacing(&self, t: i64) -> Option<[f64; 2]> {
-        let [Some((t0, _)), Some((t1, _))] = self.around(t) else { return None };
+        let [before, after] = self.around(t);
+        let (t0, _) = before?;
+        // The next one of those that come seldom is not waited for.
+        let Some((t1, _)) = after else { return self.usual.map(|usual| [usual as f64, 0.0]) };
         let [past, ahead] = [t - t0, t1 - t].map(|nanos| nanos as f64);
         Some([past + ahead, past * ahead / (past + ahead)])
     }

@@ -75,10 +75,6 @@ fn shuffles_blocks(test: &str, how: Option<Significance>) -> bool {
         || (how == Some(Significance::ShuffleTest) && !["cmisymb", "regressionci"].contains(&test))
 }
 
-fn differs_from_tigramite(test: &str, _: Option<Significance>) -> bool {
-    ["gpdc", "parcorrwls", "regressionci"].contains(&test)
-}
-
 const LEVEL: Kind = Kind::Number(0.0, 1.0);
 const NUMBER: Kind = Kind::Count(0, 1_000_000_000);
 const SURROGATES: Kind = Kind::Count(0, 1_000_000);
@@ -195,9 +191,9 @@ settings! {
          the first row has the numbers of samples",
         unset: "gpdc's own", expert: true, of_data: false, readers: of_test(|test, _| test == "gpdc", "makes its p-values in another way");
     "as_tigramite" "as-tigramite" "as_tigramite" settings.test.as_tigramite = Kind::Flag,
-        "Answer as tigramite also where it is known to be wrong (docs/methods.md)",
-        expert: true,
-        readers: of_test(differs_from_tigramite, "gives tigramite's answers");
+        "Answer as tigramite also where it is known to be wrong, pool recordings as they are, and look for nothing else \
+         (docs/methods.md)",
+        expert: true;
     "seed" "seed" "seed" settings.seed = Kind::Count(0, u64::MAX),
         "Seed of all random numbers",
         group: Group::Seed;
