@@ -82,7 +82,15 @@ impl Levelled {
                 &format!("; {names}: constant in each recording, so only jpcmciplus takes it for a cause");
         }
         let mut recordings = data.recordings().to_vec();
-        vars.iter().chain(&labels).for_each(|&var| take_out(&mut recordings, var, &runs, !scales.is_empty()));
+        let units = rows::units(&data);
+        for &var in vars.iter().chain(&labels) {
+            let scaled = |recordings: &mut [Array2<f64>], by: f64| {
+                recordings.iter_mut().for_each(|rows| rows.column_mut(var).mapv_inplace(|value| value * by));
+            };
+            scaled(&mut recordings, units[var]);
+            take_out(&mut recordings, var, &runs, !scales.is_empty());
+            scaled(&mut recordings, 1.0 / units[var]);
+        }
         match data.with_values(recordings) {
             Some(data) => {
                 Self { data, settings: Settings { levels: Levels::Remove, ..settings }, note: Some(note) }
@@ -100,9 +108,12 @@ fn moments(values: &[f64]) -> (f64, f64) {
 
 /// The values of a variable in each run that has some.
 fn of_runs(data: &DataFrame, var: usize, runs: &[usize]) -> Vec<Vec<f64>> {
+    // In units in which squares neither overflow nor vanish.
+    let unit = rows::units(data)[var];
     let of_run = |run: usize| -> Vec<f64> {
         let recordings = data.recordings().iter().zip(runs).filter(|(_, of)| **of == run);
-        recordings.flat_map(|(rows, _)| rows.column(var).to_vec()).filter(|value| !value.is_nan()).collect()
+        let values = recordings.flat_map(|(rows, _)| rows.column(var).to_vec());
+        values.filter(|value| !value.is_nan()).map(|value| value * unit).collect()
     };
     let first = runs.iter().enumerate().filter(|(k, run)| k == *run).map(|(_, run)| *run);
     first.map(of_run).filter(|values| values.len() > 2).collect()
@@ -207,6 +218,14 @@ mod tests {
         ] {
             let same = levelled(data.clone(), &runs, &settings);
             assert!(same.note.is_none() && same.data.recordings() == data.recordings());
+        }
+        // Units that differ by a power of two change nothing but themselves.
+        let small = 2_f64.powi(-660);
+        let values = apart.recordings().iter().map(|rows| rows.mapv(|value| value * small)).collect();
+        let scaled = DataFrame::new(values, vec!["a".into(), "b".into()]).unwrap();
+        let [here, there] = [apart.clone(), scaled].map(|data| levelled(data, &[0, 1, 2], &usual).data);
+        for (here, there) in here.recordings().iter().zip(there.recordings()) {
+            assert_eq!(here.mapv(|value| value * small), there);
         }
         let mut as_reference = usual;
         as_reference.test.as_tigramite = true;

@@ -13,7 +13,7 @@
 
 use crate::{
     effort::Effort,
-    independence_tests::regression_ci::{MOST_VALUES, categories},
+    independence_tests::regression_ci::{ENOUGH as ENOUGH_OF_MIXED, MOST_VALUES, categories},
     levels::levels_differ,
     methods::Method,
     profile::DataProfile,
@@ -108,9 +108,9 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
         (0..data.n_vars()).filter(|&var| is_category[var] && n_values(var) > 1).collect();
     let rows: usize = data.recordings().iter().map(|r| r.nrows()).sum();
     if categories.len() == data.n_vars() {
-        // Of two variables given a third.
+        // Of two variables given two others.
         let values = (0..data.n_vars()).map(n_values).max().unwrap_or(0);
-        let freedom = values.saturating_sub(1).pow(2) * values;
+        let freedom = values.saturating_sub(1).pow(2) * values.pow(2);
         if rows < ENOUGH * freedom {
             let reason = format!(
                 "cmisymb: all variables are categories, and {rows} samples are fewer than {ENOUGH} for each of {freedom} degrees of \
@@ -121,11 +121,20 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
         return answer("gsquared", "gsquared: all variables are categories".to_owned());
     }
     if !categories.is_empty() && settings.method != Method::Candoit {
-        let listed = data.listed(categories);
-        return answer(
-            "regressionci",
-            format!("regressionci: {listed} has a few whole values, the others are numbers"),
+        let freedom = categories.iter().map(|&var| n_values(var).saturating_sub(1).pow(2)).max();
+        let mut reason = format!(
+            "regressionci: {} has a few whole values, the others are numbers",
+            data.listed(categories)
         );
+        if rows < ENOUGH_OF_MIXED * freedom.unwrap_or(0) {
+            reason += &format!(
+                "; below {ENOUGH_OF_MIXED} samples for each degree of freedom, as here, it finds too much"
+            );
+        }
+        if DataProfile::of(data, settings.tau_max).0.variables.iter().any(|variable| variable.outliers > 0) {
+            reason += "; outliers make it find too much at 0.01";
+        }
+        return answer("regressionci", reason);
     }
     let seconds =
         Effort::of(rows, data.n_vars(), &Settings { cond_ind_test: "gpdc".into(), ..settings.clone() })
@@ -192,7 +201,7 @@ mod tests {
         assert_eq!(chosen(&data(vec![wide(0.7)], &["r_v", "do_robot_speed"])).0, Method::Candoit);
         let open = data(vec![wide(1.0)], &["speed", "open"]);
         assert_eq!(chosen(&open), (Method::Lpcmci, "regressionci".to_owned()));
-        let whole = data(vec![plain(100, 0.0, 5).mapv_into(|v| (3.0 * v).floor())], &["a", "b"]);
+        let whole = data(vec![plain(200, 0.0, 5).mapv_into(|v| (3.0 * v).floor())], &["a", "b"]);
         assert_eq!(chosen(&whole).1, "gsquared");
         let sparse = data(vec![plain(100, 0.0, 5).mapv_into(|v| (9.0 * v).floor())], &["a", "b"]);
         assert_eq!(chosen(&sparse).1, "cmisymb");

@@ -7,13 +7,13 @@ use std::sync::{
     atomic::{AtomicBool, AtomicUsize, Ordering},
 };
 
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, Array3, Axis};
 use proptest::prelude::*;
 use roscausal_discovery::{
-    Control, DataFrame, Error, LinkAssumptions, Settings, analyse,
+    Control, DataFrame, Error, LinkAssumptions, Outcome, Settings, analyse,
     independence_tests::{ParCorr, RobustParCorr, TestSettings},
     methods::{
-        Fdr, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, Status, get_lagged_dependencies,
+        Fdr, Method, PcmciPlusSettings, PcmciResult, PcmciSettings, Status, fdr_bh, get_lagged_dependencies,
         run_bivci, run_fullci, run_pcmci, run_pcmciplus,
     },
     mix,
@@ -191,6 +191,43 @@ fn corrected_p_values_decide_and_the_others_stay() {
         assert!(q[at] >= result.p_matrix[at]);
         assert_eq!(mark.is_link(), q[at] <= 0.05);
     }
+}
+
+#[test]
+fn pairs_at_lag_0_are_corrected_once_each_and_by_the_reference_not_at_all() {
+    let data = data_of(chain(9, 150));
+    let found = |fdr| {
+        let settings = PcmciSettings { fdr, tau_min: 0, ..settings() };
+        run_pcmci(&data, &parcorr(), &settings, &Control::default()).unwrap()
+    };
+    let (ours, reference) = (found(Fdr::Bh), found(Fdr::BhLagged));
+    let (p, q) = (&ours.p_matrix, ours.q_matrix.as_ref().unwrap());
+    let once = Array3::from_shape_fn(p.dim(), |(i, j, lag)| lag > 0 || i < j);
+    let expected = fdr_bh(p, &once);
+    for ((i, j, lag), &q) in q.indexed_iter() {
+        let (first, second) = if lag == 0 { (i.min(j), i.max(j)) } else { (i, j) };
+        assert!(i == j && lag == 0 || q == expected[[first, second, lag]], "{i} {j} {lag}");
+        assert!(lag > 0 || reference.q_matrix.as_ref().unwrap()[[i, j, 0]] == p[[i, j, 0]]);
+    }
+}
+
+#[test]
+fn what_the_conditions_determine_is_not_tested() {
+    let noise = chain(4, 300);
+    let a = |t: usize| noise[[t, 0]];
+    // b is a of the sample before, d what b was two samples before; a, given as the cause of b, says all of it.
+    let values = Array2::from_shape_fn((295, 3), |(t, v)| [a(t + 4), a(t + 3), -a(t + 1)][v]);
+    let data = DataFrame::new(vec![values], ["a", "b", "d"].map(str::to_owned).to_vec()).unwrap();
+    let settings = Settings {
+        method: Method::Pcmci,
+        cond_ind_test: "parcorr".into(),
+        tau_max: 2,
+        ..Settings::default()
+    };
+    let model = analyse(&data, &settings, &Control::default()).unwrap();
+    assert!((model.val_matrix[0][1][1].unwrap() - 1.0).abs() < 1e-9);
+    let (value, outcome) = (model.val_matrix[1][2][2], model.outcomes[1][2][2]);
+    assert!(value.is_none_or(|value| value.abs() > 0.5) && (value.is_some() == (outcome == Outcome::Tested)));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use roscausal_discovery::{
     DataFrame, Dummy, Error, LinkAssumptions, Node, Result,
     independence_tests::{OracleCi, TestSettings},
-    methods::{JpcmciPlusSettings, LpcmciSettings, NodeClass, PcmciPlusSettings, PcmciSettings},
+    methods::{Fdr, JpcmciPlusSettings, LpcmciSettings, NodeClass, PcmciPlusSettings, PcmciSettings},
     names::nearest,
     settings::{Request, SETTINGS, Setting, Settings},
 };
@@ -128,7 +128,11 @@ pub(crate) fn of_method(given: &mut Given, n_vars: usize) -> Result<(PcmciSettin
     settings.max_conds_px = given.count("max_conds_px")?;
     settings.max_conds_px_lagged = given.count("max_conds_px_lagged")?;
     if let Some(fdr) = given.word("fdr_method")? {
-        settings.fdr = fdr.parse()?;
+        // The reference's.
+        settings.fdr = match fdr.parse()? {
+            Fdr::Bh => Fdr::BhLagged,
+            fdr => fdr,
+        };
     }
     settings.link_assumptions =
         given.take("link_assumptions").map(|links| links_of(&links, n_vars)).transpose()?;

@@ -437,7 +437,7 @@ fn settings_of(params: &Value, method: &str, n_vars: usize) -> Answer<PcmciSetti
         max_conds_px_lagged: count(&params["max_conds_px_lagged"])?,
         fdr: match params["fdr_method"].as_str() {
             None | Some("none") => Fdr::None,
-            Some("fdr_bh") => Fdr::Bh,
+            Some("fdr_bh") => Fdr::BhLagged,
             Some(other) => return Err(format!("fdr_method '{other}' is unknown")),
         },
         link_assumptions,

@@ -20,6 +20,9 @@ use crate::{
     types::{CondIndTest, Control, DataFrame, Error, LinkMark, Named, Result, Samples, names},
 };
 
+/// The least p-value of a model.
+const SMALLEST_P: f64 = 1e-300;
+
 /// Analyses `data` with `settings` under `control`: from data to model in one call.
 ///
 /// ```
@@ -228,7 +231,8 @@ fn with_result(blank: Model, features: Vec<String>, result: PcmciResult, known: 
             if untested { LinkMark::Absent } else { result.graph[at] }
         }),
         val_matrix: nested(&vars, n_lags, |at| result.val_matrix[at]),
-        p_matrix: nested(&vars, n_lags, |at| result.deciding_p()[at]),
+        // No p-value is 0: rounding makes it so.
+        p_matrix: nested(&vars, n_lags, |at| result.deciding_p()[at].max(SMALLEST_P)),
         outcomes,
         samples: nested(&vars, n_lags, |at| result.samples[at]),
     };

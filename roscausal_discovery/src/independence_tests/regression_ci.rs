@@ -36,7 +36,7 @@ use crate::{
 /// Different values up to which a variable of whole numbers is one of categories.
 pub(crate) const MOST_VALUES: usize = 10;
 /// Samples for each degree of freedom below which chi-squared finds too much between categories.
-const ENOUGH: usize = 30;
+pub(crate) const ENOUGH: usize = 30;
 /// Part of the variance that rounding leaves of a perfect fit.
 const NOTHING_LEFT: f64 = 1e-20;
 

@@ -9,11 +9,13 @@ pub enum Fdr {
     /// None.
     #[default]
     None,
-    /// Benjamini and Hochberg, over the lagged links. P-values at lag 0 stay as they are.
+    /// Benjamini and Hochberg, over all links; a pair at lag 0 with one p-value for both directions counts once.
     Bh,
+    /// The same over the lagged links; p-values at lag 0 stay as they are. The reference's.
+    BhLagged,
 }
 
-words!(Fdr, "fdr": None "none", Bh "fdr_bh");
+words!(Fdr, "fdr": None "none", Bh "fdr_bh", BhLagged "fdr_bh_lagged");
 
 /// P-values corrected for multiple testing (Benjamini and Hochberg 1995). Only the entries in `tested` count and
 /// change.

@@ -183,7 +183,7 @@ fn decide(result: &mut GrangerResult, regression: &Autoregression, settings: &Gr
     let wanted = Array3::from_shape_fn(of_pairs.dim(), |(_, effect, _)| tested(&effect));
     let deciding = match settings.fdr {
         Fdr::None => of_pairs,
-        Fdr::Bh => fdr_bh(&of_pairs, &wanted),
+        Fdr::Bh | Fdr::BhLagged => fdr_bh(&of_pairs, &wanted),
     };
     for effect in (0..n).filter(tested) {
         for cause in 0..n {

@@ -125,7 +125,11 @@ impl Mci<'_> {
         for target in 0..self.links.n_vars() {
             for (node, assumption) in self.links.of_target(target) {
                 let at = [node.var, target, node.lag];
-                let by_direction = self.directed && node.lag == 0 && assumption == Assumption::TestUnoriented;
+                // Corrected is the larger p-value of a pair, so it decides for both directions.
+                let by_direction = self.directed
+                    && node.lag == 0
+                    && assumption == Assumption::TestUnoriented
+                    && self.fdr != Fdr::Bh;
                 result.graph[at] = if by_direction {
                     match (directed.contains(&(node.var, target)), directed.contains(&(target, node.var))) {
                         (true, true) => LinkMark::Unoriented,
@@ -143,12 +147,22 @@ impl Mci<'_> {
     }
 }
 
-/// P-values corrected over the lagged links that are assumed possible; `None` without a correction.
+/// P-values corrected over the links that are assumed possible; `None` without a correction.
 fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64>) -> Option<Array3<f64>> {
-    (fdr == Fdr::Bh).then(|| {
-        let counted =
-            Array3::from_shape_fn(p_matrix.dim(), |(i, j, lag)| lag > 0 && links.get(i, j, lag).is_some());
-        fdr_bh(p_matrix, &counted)
+    let is_same = |(i, j, lag)| lag == 0 && j < i && p_matrix[[i, j, 0]] == p_matrix[[j, i, 0]];
+    let counts = |(i, j, lag)| {
+        links.get(i, j, lag).is_some()
+            && (lag > 0
+                || (fdr == Fdr::Bh && i != j && !(is_same((i, j, lag)) && links.get(j, i, 0).is_some())))
+    };
+    (fdr != Fdr::None).then(|| {
+        let mut q_matrix = fdr_bh(p_matrix, &Array3::from_shape_fn(p_matrix.dim(), counts));
+        if fdr == Fdr::Bh {
+            for (i, j, lag) in ndarray::indices(p_matrix.dim()).into_iter().filter(|at| is_same(*at)) {
+                q_matrix[[i, j, lag]] = q_matrix[[j, i, lag]];
+            }
+        }
+        q_matrix
     })
 }
 

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::shared_times::SharedTimes;
 use crate::{
-    numeric::rows::is_constant,
+    numeric::{least_squares::LeastSquares, rows::is_constant},
     types::{CondIndTest, Control, Error, Node, PreparedTest, Result, Samples, TestResult},
 };
 
@@ -113,7 +113,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Whether a result of 0 and 1 is not a measurement: the test has no degree of freedom, or a constant.
+    /// Whether a result of 0 and 1 is not a measurement: the test has no degree of freedom, or a constant, or the conditions determine
+    /// one of the two.
     fn has_no_answer(&self, result: &TestResult, x: Node, y: Node, z: &[Node]) -> bool {
         let of_data = |node: &Node| node.var < self.samples.data().n_vars();
         if result.value != 0.0 || result.p_value != 1.0 || ![x, y].iter().chain(z).all(of_data) {
@@ -123,7 +124,11 @@ impl<'a> Run<'a> {
             return true;
         }
         let arrays = self.samples.arrays(x, y, z);
-        is_constant(&arrays.x) || is_constant(&arrays.y)
+        let is_determined = |of: &[f64]| {
+            let columns: Vec<&[f64]> = arrays.z.iter().map(Vec::as_slice).chain([of]).collect();
+            is_constant(of) || LeastSquares::new(&columns, &[], true).is_undetermined(z.len())
+        };
+        is_determined(&arrays.x) || is_determined(&arrays.y)
     }
 
     /// Fills in the decision at `level`, and with `fixed_thres` the p-value that follows from it.

@@ -17,7 +17,7 @@ pub enum Outcome {
     Forbidden,
     /// The filter of F-PCMCI let nothing through here.
     Filtered,
-    /// The test had no answer: too few samples in common, or nothing in them varies.
+    /// The test had no answer: too few samples in common, nothing in them varies, or the conditions determine it.
     NoAnswer,
     /// The time budget ended before.
     Ended,
@@ -40,7 +40,9 @@ impl Outcome {
             Self::Required => Some("it was required"),
             Self::Forbidden => Some("it was ruled out beforehand"),
             Self::Filtered => Some("the filter let nothing through"),
-            Self::NoAnswer => Some("too few samples in common, or nothing in them varies"),
+            Self::NoAnswer => {
+                Some("too few samples in common, nothing in them varies, or the conditions determine it")
+            }
             Self::Ended => Some("the time budget ended before"),
             Self::Unknown => Some("the file does not say whether it was tested"),
         }

@@ -39,7 +39,7 @@ class Settings(TypedDict, total=False):
     neglect_only_autodep: bool | None
     """F-PCMCI's filter drops variables that depend on their own past only."""
 
-    fdr: Literal["none", "fdr_bh"] | None
+    fdr: Literal["none", "fdr_bh", "fdr_bh_lagged"] | None
     """Correction for multiple testing."""
 
     exogenous: Sequence[str] | None
