@@ -127,6 +127,13 @@ impl Mul<f64> for Vec2 {
     }
 }
 
+/// The lower left and upper right corner of the box around these points; none without points.
+pub(crate) fn bounds(points: impl Iterator<Item = Vec2>) -> Option<(Vec2, Vec2)> {
+    points.map(|p| (p, p)).reduce(|(min, max), (p, _)| {
+        (Vec2::new(min.x.min(p.x), min.y.min(p.y)), Vec2::new(max.x.max(p.x), max.y.max(p.y)))
+    })
+}
+
 /// The same angle in (-pi, pi].
 pub fn wrap(angle: f64) -> f64 {
     let turned = angle.rem_euclid(TAU);

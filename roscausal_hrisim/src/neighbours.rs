@@ -1,6 +1,6 @@
 //! Finds nearby bodies by sorting them into square cells.
 
-use crate::geometry::Vec2;
+use crate::geometry::{Vec2, bounds};
 
 /// Bodies by cell. A cell is as wide as the range, so all neighbours lie in nine cells.
 #[derive(Debug)]
@@ -20,12 +20,8 @@ const MAX_CELLS: f64 = 10_000.0;
 impl Neighbours {
     /// Sorts bodies at `positions` for queries within `range` metres.
     pub(crate) fn new(positions: impl Iterator<Item = Vec2> + Clone, range: f64) -> Self {
-        let (mut min, mut max) = (Vec2::new(f64::MAX, f64::MAX), Vec2::new(f64::MIN, f64::MIN));
-        for p in positions.clone() {
-            min = Vec2::new(min.x.min(p.x), min.y.min(p.y));
-            max = Vec2::new(max.x.max(p.x), max.y.max(p.y));
-        }
-        let size = if max.x >= min.x { max - min } else { Vec2::ZERO };
+        let (min, max) = bounds(positions.clone()).unwrap_or_default();
+        let size = max - min;
         let range = range.max((size.x * size.y / MAX_CELLS).sqrt()).max(size.x.max(size.y) / MAX_CELLS);
         let (columns, rows) = ((size.x / range) as usize + 1, (size.y / range) as usize + 1);
         let mut near =

@@ -125,17 +125,9 @@ impl Crowd {
         });
         let walls =
             world.nearest_wall_point(me.position).map_or(Vec2::ZERO, |wall| obstacle(me.position, wall));
-        let mates = &self.groups[me.group];
-        let together = if mates.len() < 2 {
-            Vec2::ZERO
-        } else {
-            let places: Vec<Vec2> = mates
-                .iter()
-                .filter(|&&mate| mate != index)
-                .map(|&mate| self.members[mate].position)
-                .collect();
-            group(me.position, me.velocity, me.theta, &places)
-        };
+        let mates = self.groups[me.group].iter().filter(|&&mate| mate != index);
+        let places: Vec<Vec2> = mates.map(|&mate| self.members[mate].position).collect();
+        let together = group(me.position, me.velocity, me.theta, &places);
         push * SOCIAL_WEIGHT + walls * OBSTACLE_WEIGHT + together
     }
 }

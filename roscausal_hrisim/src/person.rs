@@ -169,13 +169,9 @@ impl Person {
             (None, None) if error.abs() > self.params.turn_in_place => (0.0, error / (2.0 * dt)),
             (None, None) => (wish.v * error.cos().max(0.0), error / (2.0 * dt)),
         };
-        let change = (v - self.v).clamp(-self.params.braking * dt, self.params.acceleration * dt);
-        self.v += change;
-        let needed = if imposed.is_some() || !self.params.slows_in_turns {
-            self.v.abs() / TURNING_CIRCLE
-        } else {
-            0.0
-        };
+        self.v += (v - self.v).clamp(-self.params.braking * dt, self.params.acceleration * dt);
+        let keeps_speed = imposed.is_some() || !self.params.slows_in_turns;
+        let needed = if keeps_speed { self.v.abs() / TURNING_CIRCLE } else { 0.0 };
         let fastest = self.params.turn_rate.max(needed);
         self.omega = omega.clamp(-fastest, fastest);
         self.theta = wrap(self.theta + self.omega * dt);

@@ -170,13 +170,10 @@ fn bar(scale: f64, x: f64, y: f64) -> String {
     let metres =
         [5.0, 2.0, 1.0].map(|by| by * power).into_iter().find(|metres| *metres <= most).unwrap_or(power);
     let left = x - metres * scale;
+    let (top, words, base) = (y - 3.0, left - 6.0, y + 4.0);
     format!(
-        "<path class=\"scale\" d=\"M {left:.1} {:.1} v 6 M {left:.1} {y:.1} H {x:.1} M {x:.1} {:.1} v 6\" fill=\"none\" \
-         stroke=\"{INK}\" stroke-width=\"1.5\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"{INK}\">{metres} m</text>",
-        y - 3.0,
-        y - 3.0,
-        left - 6.0,
-        y + 4.0
+        "<path class=\"scale\" d=\"M {left:.1} {top:.1} v 6 M {left:.1} {y:.1} H {x:.1} M {x:.1} {top:.1} v 6\" fill=\"none\" \
+         stroke=\"{INK}\" stroke-width=\"1.5\"/><text x=\"{words:.1}\" y=\"{base:.1}\" text-anchor=\"end\" fill=\"{INK}\">{metres} m</text>"
     )
 }
 

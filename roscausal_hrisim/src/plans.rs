@@ -25,9 +25,8 @@ const CENTRE_WAYPOINTS: [Vec2; 2] = [p(-5.0, 5.0), p(5.0, -5.0)];
 
 /// The areas of a person's goals: their own, or those of the plan. Empty in a crowd: anywhere.
 pub(crate) fn person_areas(scenario: &Scenario, person: usize) -> Vec<Area> {
-    let own = scenario.people.get(person).map_or(&[][..], |spec| &spec.areas);
-    if !own.is_empty() {
-        return own.to_vec();
+    if let Some(own) = scenario.people.get(person).filter(|own| !own.areas.is_empty()) {
+        return own.areas.clone();
     }
     match scenario.plan {
         Plan::Thor => THOR_AREAS.iter().map(|corners| Area(sorted_around(corners))).collect(),
@@ -40,9 +39,8 @@ pub(crate) fn person_areas(scenario: &Scenario, person: usize) -> Vec<Area> {
 
 /// The waypoints of a robot: its own, or those of the plan. Empty in a crowd: drawn at random. `robot_off` has one.
 pub(crate) fn robot_waypoints(scenario: &Scenario, robot: usize) -> Vec<Vec2> {
-    let own = scenario.robots.get(robot).map_or(&[][..], |spec| &spec.waypoints);
-    if !own.is_empty() {
-        return own.to_vec();
+    if let Some(own) = scenario.robots.get(robot).filter(|own| !own.waypoints.is_empty()) {
+        return own.waypoints.clone();
     }
     match scenario.plan {
         Plan::Thor => THOR_WAYPOINTS.to_vec(),

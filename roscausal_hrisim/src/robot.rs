@@ -138,13 +138,11 @@ impl Robot {
         let error = wrap((target - self.position).angle() - self.theta);
         let omega = error / (2.0 * dt).max(0.2);
         let blocked = people.iter().any(|person| self.is_ahead(*person));
-        if self.pause_left > 0.0 {
-            if self.v.abs() < STANDING {
-                self.pause_left -= dt;
-            }
-            return (0.0, omega);
+        let pauses = self.pause_left > 0.0;
+        if pauses && self.v.abs() < STANDING {
+            self.pause_left -= dt;
         }
-        if blocked {
+        if pauses || blocked {
             return (0.0, omega);
         }
         let aligned = (1.0 - error.abs() / self.params.turn_in_place).clamp(0.0, 1.0);

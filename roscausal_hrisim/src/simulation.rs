@@ -177,12 +177,8 @@ impl Simulation {
         }
         for index in 0..self.people.len() {
             let imposed = self.imposed_speed(self.people[index].id, time);
-            let others: Vec<Body> = robots
-                .iter()
-                .chain(people.iter().enumerate().filter(|(k, _)| *k != index).map(|(_, body)| body))
-                .chain(&crowd)
-                .copied()
-                .collect();
+            let rest = people.iter().enumerate().filter(|(k, _)| *k != index).map(|(_, body)| body);
+            let others: Vec<Body> = robots.iter().chain(rest).chain(&crowd).copied().collect();
             self.people[index].step(STEP, self.steps, &self.world, &others, imposed);
         }
         if !self.crowd.members.is_empty() {

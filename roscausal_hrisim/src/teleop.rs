@@ -159,14 +159,10 @@ impl Screen {
 
     fn draw(lines: &[String]) -> std::io::Result<()> {
         let mut out = std::io::stdout();
+        let rest = terminal::Clear(terminal::ClearType::UntilNewLine);
         for (row, line) in lines.iter().enumerate() {
             let row = u16::try_from(row).unwrap_or(u16::MAX);
-            queue!(
-                out,
-                cursor::MoveTo(0, row),
-                Print(line),
-                terminal::Clear(terminal::ClearType::UntilNewLine)
-            )?;
+            queue!(out, cursor::MoveTo(0, row), Print(line), rest)?;
         }
         queue!(out, terminal::Clear(terminal::ClearType::FromCursorDown))?;
         out.flush()

@@ -5,7 +5,7 @@ use std::{
     collections::{BinaryHeap, HashMap},
 };
 
-use crate::geometry::{Segment, Vec2};
+use crate::geometry::{Segment, Vec2, bounds};
 
 /// Names of the built-in maps.
 pub const MAPS: [&str; 4] = ["hall", "corridor", "corridor_turn", "corridor_doors"];
@@ -43,15 +43,8 @@ impl World {
 
     /// A map with these walls.
     pub fn new(walls: Vec<Segment>) -> Self {
-        let corners = || walls.iter().flat_map(|wall| [wall.a, wall.b]);
-        let fold = |start: f64, get: fn(Vec2) -> f64, pick: fn(f64, f64) -> f64| {
-            corners().map(get).fold(start, pick)
-        };
-        let (mut min, mut max) = (Vec2::new(-10.0, -10.0), Vec2::new(10.0, 10.0));
-        if !walls.is_empty() {
-            min = Vec2::new(fold(f64::MAX, |p| p.x, f64::min), fold(f64::MAX, |p| p.y, f64::min));
-            max = Vec2::new(fold(f64::MIN, |p| p.x, f64::max), fold(f64::MIN, |p| p.y, f64::max));
-        }
+        let around = bounds(walls.iter().flat_map(|wall| [wall.a, wall.b]));
+        let (min, max) = around.unwrap_or((Vec2::new(-10.0, -10.0), Vec2::new(10.0, 10.0)));
         let size = max - min;
         let cell = CELL.max((size.x * size.y / MAX_CELLS).sqrt());
         let (columns, rows) = ((size.x / cell).ceil() as usize + 1, (size.y / cell).ceil() as usize + 1);
@@ -91,13 +84,12 @@ impl World {
 
     /// Where a body of this radius ends up that moves from `from` to `to`: never in or beyond a wall.
     pub fn moved(&self, from: Vec2, to: Vec2, radius: f64) -> Vec2 {
-        let way = Segment { a: from, b: to };
-        if self.walls.iter().any(|wall| wall.crosses(&way)) {
+        let blocked = |to: Vec2| self.walls.iter().any(|wall| wall.crosses(&Segment { a: from, b: to }));
+        if blocked(to) {
             return from;
         }
         let pushed = self.pushed_out(to, radius);
-        let way = Segment { a: from, b: pushed };
-        if self.walls.iter().any(|wall| wall.crosses(&way)) { from } else { pushed }
+        if blocked(pushed) { from } else { pushed }
     }
 
     /// The point, moved away from walls that are nearer than `radius`.

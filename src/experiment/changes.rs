@@ -131,16 +131,14 @@ impl Args {
 
     fn one(&self, scenario: &Scenario, seed: u64, interrupt: &Interrupt) -> Result<Reported> {
         let mut scenario = scenario.clone();
-        let action = match &self.action {
-            None => None,
-            Some(what) => {
-                let moment = self.moment(&scenario, seed)?;
-                let one: Intervention =
-                    format!("{what}@{moment}..").parse().map_err(|reason| Error::param("do", reason))?;
-                scenario.interventions.push(one);
-                Some(moment)
-            }
+        let impose = |what: &String| -> Result<f64> {
+            let moment = self.moment(&scenario, seed)?;
+            let one: Intervention =
+                format!("{what}@{moment}..").parse().map_err(|reason| Error::param("do", reason))?;
+            scenario.interventions.push(one);
+            Ok(moment)
         };
+        let action = self.action.as_ref().map(impose).transpose()?;
         let length = action.map_or(self.before, |moment| moment + self.after);
         let recording = recordings::record(&scenario, seed, length, &[self.dt], interrupt)?.swap_remove(0);
         let begins = recording.start.as_secs_f64();

@@ -11,7 +11,7 @@ use ndarray::Array2;
 use roscausal_core::{Error, Result};
 use roscausal_hrisim::{
     Scenario, Simulation,
-    day::{Day, DaySpec},
+    day::{Day, DaySpec, Porter},
     simulation::STEP,
 };
 use roscausal_reasoning::{
@@ -24,7 +24,7 @@ use roscausal_reasoning::{
 };
 
 use super::runner::{Runner, end};
-use crate::interrupt::Interrupt;
+use crate::{interrupt::Interrupt, output};
 
 /// Steps of a row: 10 s.
 const ROW: u64 = 250;
@@ -65,11 +65,7 @@ struct Driven {
     seed: u64,
     change: usize,
     policy: usize,
-    tasks: usize,
-    done: usize,
-    empty: usize,
-    driven: f64,
-    wasted: f64,
+    porter: Porter,
     close: f64,
 }
 
@@ -121,36 +117,21 @@ impl Args {
                     _ => None,
                 };
                 let day = drive(&spec, first + 90, policy, known.as_ref(), interrupt)?;
-                let porter = &day.porter;
-                days.push(Driven {
-                    seed,
-                    change,
-                    policy,
-                    tasks: porter.tasks().len(),
-                    done: porter.done,
-                    empty: porter.empty,
-                    driven: porter.driven,
-                    wasted: porter.wasted,
-                    close: day.close_seconds,
-                });
+                let (porter, close) = (day.porter, day.close_seconds);
+                days.push(Driven { seed, change, policy, porter, close });
             }
             spec = before;
         }
         Ok(days)
     }
-}
 
-impl Args {
     /// The table of a day and the house's map.
     fn write(&self, seed: u64, day: usize, spec: &DaySpec, table: &str) -> Result<()> {
         if self.tables {
             let map = toml::to_string(spec).map_err(|error| Error::Data(error.to_string()))?;
-            crate::output::write_file(&self.runner.out, &format!("house_{seed}.toml"), map.as_bytes())?;
-            crate::output::write_file(
-                &self.runner.out,
-                &format!("house_{seed}_day_{}.csv", day + 1),
-                table.as_bytes(),
-            )?;
+            let (out, day) = (&self.runner.out, day + 1);
+            output::write_file(out, &format!("house_{seed}.toml"), map.as_bytes())?;
+            output::write_file(out, &format!("house_{seed}_day_{day}.csv"), table.as_bytes())?;
         }
         Ok(())
     }
@@ -165,16 +146,9 @@ fn of(simulation: &Simulation) -> Result<&Day> {
     simulation.day.as_ref().ok_or_else(|| Error::param("scenario", "it has no working day"))
 }
 
-fn check(interrupt: &Interrupt) -> Result<()> {
-    if interrupt.flag().load(std::sync::atomic::Ordering::Relaxed) {
-        return Err(Error::Cancelled("by the user".into()));
-    }
-    Ok(())
-}
-
 /// Records one more day, in which the robot takes the shortest ways. Returns it as a table.
 fn record(days: &mut Days, spec: &DaySpec, seed: u64, interrupt: &Interrupt) -> Result<String> {
-    check(interrupt)?;
+    interrupt.check()?;
     let mut simulation = simulation(spec, seed)?;
     let mut rows: Vec<Vec<[f64; 3]>> = vec![Vec::new(); spec.places.len()];
     let mut table = format!("time,place,{},speed,loss,load\n", NAMES.join(","));
@@ -228,7 +202,7 @@ fn drive(
     known: Option<&Known>,
     interrupt: &Interrupt,
 ) -> Result<Day> {
-    check(interrupt)?;
+    interrupt.check()?;
     let mut simulation = simulation(spec, seed)?;
     let no_day = || Error::param("scenario", "it has no working day");
     simulation.day.as_mut().ok_or_else(no_day)?.porter.guided = policy > 0;
@@ -273,8 +247,9 @@ fn drive(
 fn csv(days: &[Driven]) -> String {
     let mut csv = String::from("seed,house,policy,tasks,done,empty,driven_m,wasted_m,close_s\n");
     for day in days {
-        let Driven { seed, tasks, done, empty, driven, wasted, close, .. } = day;
-        let (change, policy) = (CHANGES[day.change], POLICIES[day.policy]);
+        let Driven { seed, porter, close, .. } = day;
+        let Porter { done, empty, driven, wasted, .. } = porter;
+        let (change, policy, tasks) = (CHANGES[day.change], POLICIES[day.policy], porter.tasks().len());
         let _ = writeln!(
             csv,
             "{seed},{change},{policy},{tasks},{done},{empty},{driven:.1},{wasted:.1},{close:.1}"
@@ -289,7 +264,7 @@ fn text(days: &[Driven]) -> String {
         let of = |policy: usize| -> Vec<&Driven> {
             days.iter().filter(|day| day.change == change && day.policy == policy).collect()
         };
-        let share = |day: &Driven| 100.0 * day.done as f64 / day.tasks.max(1) as f64;
+        let share = |day: &Driven| 100.0 * day.porter.done as f64 / day.porter.tasks().len().max(1) as f64;
         let _ = writeln!(text, "{name}\n  {:24} done in time    beside the mean  wasted  close  empty", "");
         for (policy, name) in POLICIES.iter().enumerate() {
             let (of, mean) = (of(policy), of(MEAN));
@@ -304,9 +279,9 @@ fn text(days: &[Driven]) -> String {
                 done.1,
                 better.0,
                 better.1,
-                100.0 * sum(|day| day.wasted) / sum(|day| day.driven).max(1.0),
+                100.0 * sum(|day| day.porter.wasted) / sum(|day| day.porter.driven).max(1.0),
                 sum(|day| day.close) / of.len().max(1) as f64,
-                sum(|day| day.empty as f64),
+                sum(|day| day.porter.empty as f64),
             );
         }
     }

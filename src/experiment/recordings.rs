@@ -97,9 +97,7 @@ async fn listen(mw: &LoopbackNode, robot_topic: &str, mut recorders: Vec<Recorde
                 recorders.iter_mut().for_each(|recorder| recorder.robot(&state, mw.now()));
             }
             Next::Event(Event::Context(text)) => {
-                for recorder in &mut recorders {
-                    recorder.context(&text, mw.now()).map_err(Error::Data)?;
-                }
+                recorders.iter_mut().try_for_each(|one| one.context(&text, mw.now()).map_err(Error::Data))?;
             }
             Next::Event(Event::Humans(people)) => {
                 recorders.iter_mut().for_each(|recorder| recorder.humans(&people, mw.now()));

@@ -175,8 +175,7 @@ impl Run {
     /// The error of the file system.
     pub(crate) fn write(&self, out: &Path) -> Result<()> {
         let name = file_name(&self.setting, self.seed, &self.rest);
-        let mut text = serde_json::to_string_pretty(self).map_err(|e| Error::Data(e.to_string()))?;
-        text.push('\n');
+        let text = serde_json::to_string_pretty(self).map_err(|e| Error::Data(e.to_string()))? + "\n";
         output::write_file(&out.join(FOLDER), &name, text.as_bytes())
     }
 

@@ -77,14 +77,11 @@ fn card(material: &Material, place: usize, link: &Link, seen: &LinkEvidence) -> 
 }
 
 fn conditions(seen: &LinkEvidence) -> String {
-    let names: Vec<String> = seen
-        .conditions
-        .iter()
-        .map(|condition| match condition.lag {
-            0 => format!("{}(t)", plain(&condition.name)),
-            lag => format!("{}(t-{lag})", plain(&condition.name)),
-        })
-        .collect();
+    let names = seen.conditions.iter().map(|condition| match condition.lag {
+        0 => format!("{}(t)", plain(&condition.name)),
+        lag => format!("{}(t-{lag})", plain(&condition.name)),
+    });
+    let names: Vec<String> = names.collect();
     let names = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
     if seen.note.is_empty() { names } else { format!("{names}; {}", seen.note) }
 }

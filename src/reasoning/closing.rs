@@ -9,7 +9,7 @@ use roscausal_reasoning::{
     question::{WhatIf, parse_action},
 };
 
-use super::inputs::{Format, Ready, SourceArgs};
+use super::inputs::{Ready, SourceArgs};
 
 /// What the robot can change about the paper's scenario, and what this does to them.
 const PAPER: (&str, &str) = ("h_risk", "h_v");
@@ -34,13 +34,9 @@ pub(crate) fn closing(
         model: model.to_owned(),
         data: data.to_vec(),
         equations: "auto".to_owned(),
-        acts_on: None,
-        units: Vec::new(),
         seed: 42,
         threads,
-        save: None,
-        force: false,
-        format: Format::Text,
+        ..SourceArgs::default()
     };
     source.with(|ready| {
         let value = low(ready, cause)?;
@@ -91,12 +87,8 @@ pub(crate) fn closing(
 /// The link to ask about: the paper's, else the strongest between two variables.
 fn lever(found: &Model) -> Option<(&str, &str)> {
     let of_system = |name: &str| !name.starts_with("do_");
-    let mut links: Vec<_> = found
-        .links
-        .iter()
-        .filter(|link| link.mark == LinkMark::Forward && link.cause != link.effect)
-        .filter(|link| of_system(&link.cause) && of_system(&link.effect))
-        .collect();
+    let links = found.links.iter().filter(|link| link.mark == LinkMark::Forward && link.cause != link.effect);
+    let mut links: Vec<_> = links.filter(|link| of_system(&link.cause) && of_system(&link.effect)).collect();
     links.sort_by(|a, b| b.drawn_strength().abs().total_cmp(&a.drawn_strength().abs()));
     let pairs = || links.iter().map(|link| (link.cause.as_str(), link.effect.as_str()));
     pairs().find(|pair| *pair == PAPER).or_else(|| pairs().next())

@@ -18,7 +18,7 @@ use roscausal_reasoning::{
 use crate::{folders::model_in, output, results::check_whole};
 
 /// The arguments that all questions share.
-#[derive(ClapArgs)]
+#[derive(Default, ClapArgs)]
 pub(super) struct SourceArgs {
     /// A model of `roscausal discover` or the folder of its results, a graph written by hand ({"links": [{"cause": "r_v", "effect": "d", "lag": 1}]}), or a
     /// structural model (--save).
@@ -56,9 +56,10 @@ pub(super) struct SourceArgs {
 }
 
 /// What to print.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum Format {
     /// Sentences and a table.
+    #[default]
     Text,
     /// One JSON object.
     Json,
@@ -129,10 +130,6 @@ impl SourceArgs {
 
     /// Units of `--units`, else those that the graph has, else those of a batch's `.json`.
     fn with_units(&self, mut facts: Facts, variables: &[String]) -> Result<Facts> {
-        let mut add = |name: &str, unit: &str| {
-            facts.units.retain(|(known, _)| known != name);
-            facts.units.push((name.to_owned(), unit.to_owned()));
-        };
         for given in &self.units {
             let (name, unit) = given.split_once('=').unwrap_or((given, ""));
             if names::position(variables, name).is_none() || unit.trim().is_empty() {
@@ -141,7 +138,8 @@ impl SourceArgs {
                     format!("'{given}' gives no variable a unit; write it like d=m; variables: {all}");
                 return Err(Error::param("units", reason));
             }
-            add(name, unit.trim());
+            facts.units.retain(|(known, _)| known != name);
+            facts.units.push((name.to_owned(), unit.trim().to_owned()));
         }
         for path in &self.data {
             for (name, unit) in batch_units(&path.with_extension("json")) {

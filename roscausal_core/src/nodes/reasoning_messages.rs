@@ -210,11 +210,8 @@ pub(super) fn structural_model(model: &StructuralModel) -> String {
     let pairs =
         graph.pairs().iter().map(|p: &Pair| link(p.a, p.b, 0, if p.conflict { "x-x" } else { "o-o" }));
     let links: Vec<Json> = arrows.chain(pairs).collect();
-    let members: Vec<Json> = model
-        .members()
-        .iter()
-        .map(|member| json!({"equations": member.model.summaries, "quality": member.quality}))
-        .collect();
+    let members = model.members().iter();
+    let members = members.map(|one| json!({"equations": one.model.summaries, "quality": one.quality}));
     let rows: usize = model.samples().recordings().iter().map(|recording| recording.nrows()).sum();
     json!({
         "model_id": model.id(),
@@ -223,7 +220,7 @@ pub(super) fn structural_model(model: &StructuralModel) -> String {
         "dt": model.facts.dt,
         "method": model.facts.method,
         "rows": rows,
-        "members": members,
+        "members": members.collect::<Vec<Json>>(),
     })
     .to_string()
 }

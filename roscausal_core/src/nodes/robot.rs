@@ -92,20 +92,17 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
     let publisher = mw.advertise::<RobotState>(&state_topic, Qos::Volatile(100))?;
 
     let qos = Qos::Volatile(100);
-    let _odometry = match params.text_if_set("odom_topic") {
-        Some(topic) => {
-            let topic = in_namespace("robot", &robot, &topic)?;
-            Some(if params.text("odom_type") == "TwistStamped" {
-                let input = health.input::<TwistStamped>(&topic, true);
-                let odometry = move |m| Event::Odometry(input, Box::new(of_twist(m)));
-                inbox.subscribe(mw, &topic, qos, odometry)?
-            } else {
-                let input = health.input::<Odometry>(&topic, true);
-                inbox.subscribe(mw, &topic, qos, move |m| Event::Odometry(input, Box::new(m)))?
-            })
+    let odometry = |topic: String| {
+        let topic = in_namespace("robot", &robot, &topic)?;
+        if params.text("odom_type") == "TwistStamped" {
+            let input = health.input::<TwistStamped>(&topic, true);
+            inbox.subscribe(mw, &topic, qos, move |m| Event::Odometry(input, Box::new(of_twist(m))))
+        } else {
+            let input = health.input::<Odometry>(&topic, true);
+            inbox.subscribe(mw, &topic, qos, move |m| Event::Odometry(input, Box::new(m)))
         }
-        None => None,
     };
+    let _odometry = params.text_if_set("odom_topic").map(odometry).transpose()?;
     let _pose = subscribe_pose(mw, &params, &inbox, &mut health)?;
     let _goal = subscribe_goal(mw, &params, &inbox)?;
     let tf = params.text_if_set("tf_topic").unwrap_or_else(|| "/tf".to_owned());

@@ -48,8 +48,8 @@ pub fn curves(title: &str, x_label: &str, panels: &[Panel]) -> String {
 }
 
 fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
-    let points =
-        || panel.curves.iter().flat_map(|curve| &curve.points).filter(|p| p.0.is_finite() && p.1.is_finite());
+    let is_finite = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
+    let points = || panel.curves.iter().flat_map(|curve| &curve.points).filter(is_finite);
     let largest = points().map(|p| p.1).fold(0.0, f64::max);
     let (low, high) = panel.range.unwrap_or((0.0, round_top(largest)));
     let from = points().map(|p| p.0).fold(f64::INFINITY, f64::min).min(0.0);
@@ -87,12 +87,8 @@ fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
     let first_name = if ends_low { top + 16.0 } else { bottom + 8.0 - LINE * panel.curves.len() as f64 };
     for (i, curve) in panel.curves.iter().enumerate() {
         let colour = COLOURS[i % COLOURS.len()];
-        let finite: Vec<Point> = curve
-            .points
-            .iter()
-            .filter(|p| p.0.is_finite() && p.1.is_finite())
-            .map(|p| Point::new(x(p.0), y(p.1)))
-            .collect();
+        let finite = curve.points.iter().filter(is_finite);
+        let finite: Vec<Point> = finite.map(|p| Point::new(x(p.0), y(p.1))).collect();
         let path: Vec<String> = finite.iter().map(|p| format!("{:.1} {:.1}", p.x, p.y)).collect();
         if !path.is_empty() {
             svg.raw(&format!(

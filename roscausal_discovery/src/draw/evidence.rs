@@ -34,13 +34,13 @@ pub fn lag_function(link: &LinkEvidence, alpha: f64) -> String {
         ));
     }
     y.draw_left(&mut svg, LEFT, RIGHT, 5);
+    let zero = y.at(0.0);
     let every = link.lags.len().div_ceil(12).max(1);
     for (place, at) in link.lags.iter().enumerate() {
         let (px, py) = (x.at(at.lag as f64), y.at(at.value));
         let colour = if at.value < 0.0 { NEGATIVE } else { POSITIVE };
         svg.raw(&format!(
-            "<path d=\"M {px:.1} {:.1} V {py:.1}\" stroke=\"{colour}\" stroke-width=\"1.6\"/>",
-            y.at(0.0)
+            "<path d=\"M {px:.1} {zero:.1} V {py:.1}\" stroke=\"{colour}\" stroke-width=\"1.6\"/>"
         ));
         let fill = if at.p_value <= alpha { colour } else { "#ffffff" };
         svg.circle(Point::new(px, py), 3.6, fill, colour, 1.4);
@@ -51,10 +51,7 @@ pub fn lag_function(link: &LinkEvidence, alpha: f64) -> String {
             svg.text(Point::new(px, BOTTOM + 14.0), 10.0, "middle", INK, &at.lag.to_string());
         }
     }
-    svg.raw(&format!(
-        "<path d=\"M {LEFT} {:.1} H {RIGHT}\" stroke=\"{INK}\" stroke-width=\"1\"/>",
-        y.at(0.0)
-    ));
+    svg.raw(&format!("<path d=\"M {LEFT} {zero:.1} H {RIGHT}\" stroke=\"{INK}\" stroke-width=\"1\"/>"));
     svg.finish()
 }
 

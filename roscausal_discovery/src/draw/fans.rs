@@ -251,6 +251,7 @@ fn legend(svg: &mut Svg, chart: &FanChart<'_>, width: f64, y: f64) {
     let some = |has: &dyn Fn(&Candidate) -> bool| chart.candidates.iter().any(has);
     let answered = some(&|candidate| !candidate.fans.is_empty());
     let beyond = some(&|candidate| !candidate.fans.is_empty() && candidate.carried < chart.horizon);
+    let acts = some(&|candidate| !candidate.acts.is_empty());
     let entries = [
         (true, line(INK), "past".to_owned()),
         (answered, line(BLUE), "median".to_owned()),
@@ -258,11 +259,7 @@ fn legend(svg: &mut Svg, chart: &FanChart<'_>, width: f64, y: f64) {
         (answered, band(BANDS[0]), percent(chart.bands[1])),
         (beyond, band(BANDS[0] * BEYOND), "not carried by the data".to_owned()),
         (chart.observed.nrows() > 0, line(FAINT), "observed".to_owned()),
-        (
-            some(&|c| !c.acts.is_empty()),
-            format!("height=\"9\" fill=\"{ORANGE}\" fill-opacity=\"0.3\""),
-            "action".to_owned(),
-        ),
+        (acts, format!("height=\"9\" fill=\"{ORANGE}\" fill-opacity=\"0.3\""), "action".to_owned()),
     ];
     let mut x = 10.0;
     for (_, swatch, words) in entries.iter().filter(|(there, ..)| *there) {

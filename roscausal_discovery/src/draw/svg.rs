@@ -183,11 +183,9 @@ impl Stroke {
     }
 
     fn attributes(&self) -> String {
+        let Self { colour, width, opacity, .. } = self;
         let dash = dashed(self.dash);
-        format!(
-            "stroke=\"{}\" stroke-width=\"{:.2}\" stroke-opacity=\"{}\"{dash}",
-            self.colour, self.width, self.opacity
-        )
+        format!("stroke=\"{colour}\" stroke-width=\"{width:.2}\" stroke-opacity=\"{opacity}\"{dash}")
     }
 }
 
@@ -256,24 +254,22 @@ pub(super) fn dashed(dash: &str) -> String {
 /// From this share of the resamples on, what is not a link of the model is drawn, dotted.
 pub(super) const MAYBE: f64 = 0.3;
 
+/// A line at `at` that looks so, and what it means.
+fn key(svg: &mut Svg, at: Point, look: &str, text: &str) {
+    svg.raw(&format!("<path d=\"M {:.1} {:.1} h 44\" {look}/>", at.x, at.y));
+    svg.text(at.plus(54.0, 4.0), 12.0, "start", INK, text);
+}
+
 /// What opacity, dashes and dots mean in a model with resamples, from `at` downwards.
 fn legend_of_shares(svg: &mut Svg, at: Point) {
     let rows = [(0.95, "firm: 0.9 or more"), (0.6, "likely: 0.5"), (0.4, "unsure: below")];
     for (row, (share, text)) in rows.into_iter().enumerate() {
-        let y = at.y + 18.0 * row as f64;
-        let dash = dashed(dash_of_share(share));
-        let (x, opacity) = (at.x, opacity(share));
-        svg.raw(&format!(
-            "<path d=\"M {x:.1} {y:.1} h 44\" stroke=\"{INK}\" stroke-width=\"3\" stroke-opacity=\"{opacity}\"{dash}/>"
-        ));
-        svg.text(Point::new(at.x + 54.0, y + 4.0), 12.0, "start", INK, text);
+        let (dash, opacity) = (dashed(dash_of_share(share)), opacity(share));
+        let look = format!("stroke=\"{INK}\" stroke-width=\"3\" stroke-opacity=\"{opacity}\"{dash}");
+        key(svg, at.plus(0.0, 18.0 * row as f64), &look, text);
     }
-    let (x, y) = (at.x + 170.0, at.y + 36.0);
-    svg.raw(&format!(
-        "<path d=\"M {x:.1} {y:.1} h 44\" stroke=\"{FAINT}\" stroke-width=\"1.2\" stroke-dasharray=\"1.5 4\"/>"
-    ));
-    let words = format!("no link, but in {MAYBE} or more");
-    svg.text(Point::new(x + 54.0, y + 4.0), 12.0, "start", INK, &words);
+    let look = format!("stroke=\"{FAINT}\" stroke-width=\"1.2\" stroke-dasharray=\"1.5 4\"");
+    key(svg, at.plus(170.0, 36.0), &look, &format!("no link, but in {MAYBE} or more"));
 }
 
 /// Whether its links say in which share of the resamples they are.
@@ -300,12 +296,8 @@ fn legend(svg: &mut Svg, at: Point, smallest_p: f64, signed: bool) {
     let mut y = at.y;
     let smallest = format!("p < {smallest_p}");
     for (dash, text) in [("", smallest.as_str()), ("14 5", "p < 0.01"), ("5 4", "p ≥ 0.01")] {
-        let dash = dashed(dash);
-        svg.raw(&format!(
-            "<path d=\"M {:.1} {y:.1} h 44\" stroke=\"{INK}\" stroke-width=\"3\"{dash}/>",
-            at.x
-        ));
-        svg.text(Point::new(at.x + 54.0, y + 4.0), 12.0, "start", INK, text);
+        let look = format!("stroke=\"{INK}\" stroke-width=\"3\"{}", dashed(dash));
+        key(svg, Point::new(at.x, y), &look, text);
         y += 18.0;
     }
     svg.text(Point::new(at.x, y + 4.0), 12.0, "start", INK, width_words(signed));

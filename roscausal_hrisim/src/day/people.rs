@@ -82,15 +82,8 @@ impl Day {
                 let comes = self.rng.uniform(0.0, 0.5 * HOUR);
                 let goes = (self.spec.hours - self.rng.uniform(0.2, 1.5)) * HOUR;
                 let spot = outside + self.rng.normal2(0.5);
-                let shift = (comes, goes);
-                self.workers.push(Worker {
-                    team,
-                    shift,
-                    here: entrance,
-                    way: Vec::new(),
-                    spot,
-                    until: comes,
-                });
+                let (shift, way) = ((comes, goes), Vec::new());
+                self.workers.push(Worker { team, shift, here: entrance, way, spot, until: comes });
                 let v_max = (1.2 + 0.2 * self.rng.normal()).clamp(0.6, 1.8);
                 members.push(Pedestrian::new(members.len() as u32 + 1, spot, spot, v_max, members.len()));
             }

@@ -53,8 +53,9 @@ pub struct Leg {
     pub latest: f64,
 }
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 enum Doing {
+    #[default]
     Idle,
     /// Waits for a decision on this way, and then for its moment.
     Deciding(Leg, Option<(f64, Vec<usize>)>),
@@ -71,7 +72,7 @@ enum Doing {
 }
 
 /// The robot's work of the day.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Porter {
     tasks: Vec<Task>,
     /// The first task that has not begun.
@@ -116,20 +117,12 @@ impl Porter {
         let tasks = if work.is_empty() { Vec::new() } else { given.into_iter().map(&mut task).collect() };
         Self {
             tasks,
-            next: 0,
-            fetched: None,
             doing: Doing::Charging,
-            guided: false,
             charge: 100.0,
             here,
-            done: 0,
-            failed: 0,
-            empty: 0,
-            driven: 0.0,
-            wasted: 0.0,
-            way_driven: 0.0,
             top_speed,
             charger: here,
+            ..Self::default()
         }
     }
 
@@ -219,7 +212,7 @@ impl Day {
         robot: &mut Robot,
         crowd: &Crowd,
     ) {
-        let doing = std::mem::replace(&mut self.porter.doing, Doing::Idle);
+        let doing = std::mem::take(&mut self.porter.doing);
         self.porter.doing = self.go_on_with(doing, time, robot);
         let target = match &self.porter.doing {
             Doing::Driving { left, .. } | Doing::ToCharger(left) => left.last().map(|place| self.at(*place)),

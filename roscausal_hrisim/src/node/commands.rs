@@ -84,15 +84,11 @@ fn control(text: &str, simulation: &mut Simulation, running: &mut Running) -> Re
         ["pause"] => running.paused = true,
         ["resume"] => running.paused = false,
         ["step"] => *running = Running { paused: true, steps: running.steps + 1, ..*running },
-        ["step", count] => match count.parse::<u32>() {
-            Ok(count) => {
-                *running = Running { paused: true, steps: running.steps + u64::from(count), ..*running }
-            }
-            Err(_) => {
-                let reason = format!("'{count}' is not a number of steps; {FORMS}");
-                return Err(Error::param("/hri/control", reason));
-            }
-        },
+        ["step", count] => {
+            let reason = || format!("'{count}' is not a number of steps; {FORMS}");
+            let count: u32 = count.parse().map_err(|_| Error::param("/hri/control", reason()))?;
+            *running = Running { paused: true, steps: running.steps + u64::from(count), ..*running };
+        }
         ["reset"] => {
             simulation.reset()?;
             running.reset = true;

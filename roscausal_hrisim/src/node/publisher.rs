@@ -276,11 +276,8 @@ impl<M: Middleware> DayTopics<M> {
 
 impl<M: Middleware> RobotTopics<M> {
     fn new(mw: &M, name: &str) -> Result<Self> {
-        let (space, frame) = if name.is_empty() {
-            (String::new(), String::new())
-        } else {
-            (format!("/{name}"), format!("{name}/"))
-        };
+        let space = if name.is_empty() { String::new() } else { format!("/{name}") };
+        let frame = if name.is_empty() { String::new() } else { format!("{name}/") };
         let at = |topic: &str| format!("{space}{topic}");
         Ok(Self {
             odom: mw.advertise(&at("/mobile_base_controller/odom"), Qos::Volatile(DEPTH))?,

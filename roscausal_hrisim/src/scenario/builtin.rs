@@ -57,14 +57,8 @@ impl Scenario {
     ///   tell how far away the goal is. The paper's own noise on the exponent of the risk (`risk_noise` 0.02) keeps
     ///   the risk from being a function of v through which every small dependence would show.
     fn encounters(name: &str, walk: PersonParams) -> Self {
-        let square = Area(vec![
-            Vec2::new(-6.0, -6.0),
-            Vec2::new(6.0, -6.0),
-            Vec2::new(6.0, 6.0),
-            Vec2::new(-6.0, 6.0),
-        ]);
-        let waypoints =
-            vec![Vec2::new(2.0, -3.0), Vec2::new(2.0, 3.0), Vec2::new(-2.0, 3.0), Vec2::new(-2.0, -3.0)];
+        let square = Area([[-6.0, -6.0], [6.0, -6.0], [6.0, 6.0], [-6.0, 6.0]].map(Vec2::from).to_vec());
+        let waypoints = [[2.0, -3.0], [2.0, 3.0], [-2.0, 3.0], [-2.0, -3.0]].map(Vec2::from).to_vec();
         Self {
             name: name.to_owned(),
             people: vec![PersonSpec { areas: vec![square.clone(), square], walk, ..PersonSpec::default() }],

@@ -26,19 +26,15 @@ impl Scenario {
         if !self.walls.is_empty() {
             count("walls", self.walls.len(), MAX_WALLS)?;
             for (index, wall) in self.walls.iter().enumerate() {
-                for &coordinate in wall {
-                    number(&format!("walls[{index}]"), coordinate, -FARTHEST, FARTHEST)?;
-                }
+                let name = format!("walls[{index}]");
+                wall.iter().try_for_each(|&end| number(&name, end, -FARTHEST, FARTHEST))?;
             }
             let wall = |w: &[f64; 4]| Segment::new(w[0], w[1], w[2], w[3]);
             return Ok(World::new(self.walls.iter().map(wall).collect()));
         }
-        World::named(&self.map).ok_or_else(|| {
-            Error::param(
-                "map",
-                format!("no map '{}'; allowed: {}, or `walls` of your own", self.map, MAPS.join(", ")),
-            )
-        })
+        let (map, maps) = (&self.map, MAPS.join(", "));
+        let reason = || format!("no map '{map}'; allowed: {maps}, or `walls` of your own");
+        World::named(map).ok_or_else(|| Error::param("map", reason()))
     }
 
     /// Checks every field.
@@ -242,26 +238,19 @@ fn count(name: &str, value: usize, most: usize) -> Result<()> {
 /// A position must be finite, free, and reachable from `from`. `arrival` is how close one has to come.
 fn place(world: &World, name: &str, p: Vec2, from: Option<Vec2>, arrival: f64) -> Result<()> {
     let at = format!("({}, {})", p.x, p.y);
-    if !p.is_finite() {
-        return Err(Error::param(name, format!("{at} is not a finite place")));
-    }
-    if world.clearance(p) + arrival < 0.3 {
-        let reason = format!("{at} is inside a wall or nearer than 0.3 m to one; move it into free space");
-        return Err(Error::param(name, reason));
-    }
     let (min, max) = world.bounds();
     let outside = p.x < min.x || p.y < min.y || p.x > max.x || p.y > max.y;
-    if outside && !world.walls().is_empty() {
-        let reason = format!(
-            "{at} is outside the walls, which reach from ({}, {}) to ({}, {})",
-            min.x, min.y, max.x, max.y
-        );
-        return Err(Error::param(name, reason));
-    }
-    let Some(from) = from else { return Ok(()) };
-    if world.route(from, p).is_none() {
-        let reason = format!("no route from ({}, {}) to {at}; open the walls or move it", from.x, from.y);
-        return Err(Error::param(name, reason));
-    }
-    Ok(())
+    let reason = if !p.is_finite() {
+        format!("{at} is not a finite place")
+    } else if world.clearance(p) + arrival < 0.3 {
+        format!("{at} is inside a wall or nearer than 0.3 m to one; move it into free space")
+    } else if outside && !world.walls().is_empty() {
+        let [min, max] = [min, max].map(|end| format!("({}, {})", end.x, end.y));
+        format!("{at} is outside the walls, which reach from {min} to {max}")
+    } else if let Some(from) = from.filter(|from| world.route(*from, p).is_none()) {
+        format!("no route from ({}, {}) to {at}; open the walls or move it", from.x, from.y)
+    } else {
+        return Ok(());
+    };
+    Err(Error::param(name, reason))
 }

@@ -18,10 +18,8 @@ impl Scenario {
         }
         let path = Path::new(name);
         if path.extension().is_none() && !path.exists() {
-            let reason = format!(
-                "no scenario '{name}'; allowed: {}, or the path of a .toml file",
-                SCENARIOS.join(", ")
-            );
+            let known = SCENARIOS.join(", ");
+            let reason = format!("no scenario '{name}'; allowed: {known}, or the path of a .toml file");
             return Err(Error::param("scenario", reason));
         }
         Self::from_file(path)
@@ -43,10 +41,8 @@ impl Scenario {
     pub fn from_toml(text: &str, path: &Path) -> Result<Self> {
         let complain = |offset: Option<usize>, reason: &str| {
             let reason = reason.trim().replace('\n', "; ");
-            Error::file(
-                path,
-                offset.map_or(reason.clone(), |offset| format!("{}: {reason}", line_column(text, offset))),
-            )
+            let place = offset.map_or(String::new(), |offset| line_column(text, offset) + ": ");
+            Error::file(path, place + &reason)
         };
         let mut scenario: Self = toml::from_str(text)
             .map_err(|error| complain(error.span().map(|span| span.start), error.message()))?;

@@ -224,7 +224,7 @@ impl Drive {
 
 /// Starts the reasoning node on the bus, which waits for it.
 fn reasoning(bus: &Loopback, nodes: &Nodes) -> Result<Threaded> {
-    let text = |text: String| Value::Str(text);
+    let text = Value::Str;
     let set = |name: &str, value: Value| bus.set_node_param("reasoning", name, value);
     let data = nodes.data.iter().map(|path| text(path.display().to_string())).collect();
     set("graph", text(nodes.graph.display().to_string()));

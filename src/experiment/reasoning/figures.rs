@@ -81,28 +81,16 @@ impl Figures {
         let of = |name: &str| support.iter().find(|one| one.question == name);
         let refused = |name: &str| of(name).map_or(f64::NAN, |one| one.refused);
         let steps = |name: &str| of(name).map_or(f64::NAN, |one| one.supported_steps);
+        let mean_effect = ratio(|c| c.mean_effect_error, |c| c.mean_effect_error_correlational);
+        let effect = ratio(|c| c.effect_error, |c| c.effect_error_correlational);
+        let had = ratio(|c| c.had_error, |c| c.forecast_error);
+        let unchanged = ratio(|c| c.had_error, |c| c.unchanged_error);
         let bars = vec![
             Bar::new("outcomes within their 90 % intervals", coverage, (0.84, 0.97)),
-            Bar::new(
-                "error of the mean effect / that of the correlational answer",
-                ratio(|c| c.mean_effect_error, |c| c.mean_effect_error_correlational),
-                (0.0, 0.4),
-            ),
-            Bar::new(
-                "error of the single effect / that of the correlational answer",
-                ratio(|c| c.effect_error, |c| c.effect_error_correlational),
-                (0.0, 0.75),
-            ),
-            Bar::new(
-                "error of had-I / that of the forecast under the action",
-                ratio(|c| c.had_error, |c| c.forecast_error),
-                (0.0, 0.85),
-            ),
-            Bar::new(
-                "error of had-I / that of 'nothing would have changed'",
-                ratio(|c| c.had_error, |c| c.unchanged_error),
-                (0.0, 0.6),
-            ),
+            Bar::new("error of the mean effect / that of the correlational answer", mean_effect, (0.0, 0.4)),
+            Bar::new("error of the single effect / that of the correlational answer", effect, (0.0, 0.75)),
+            Bar::new("error of had-I / that of the forecast under the action", had, (0.0, 0.85)),
+            Bar::new("error of had-I / that of 'nothing would have changed'", unchanged, (0.0, 0.6)),
             Bar::new("refused: a speed above all that were seen", refused(TOO_FAST), (0.95, 1.0)),
             Bar::new("refused: a speed below all that were seen", refused(BACKWARDS), (0.95, 1.0)),
             Bar::new("refused: the speed that the robot had", refused(UNTOUCHED), (0.0, 0.05)),

@@ -78,8 +78,7 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let cases: Vec<Case> =
         threads::in_pool(runner.workers()?, || twins.par_iter().map(ask).collect::<Result<_>>())?;
     let figures = Figures::of(&cases, &deviations(&training));
-    let mut json = serde_json::to_string_pretty(&figures).map_err(|e| Error::Data(e.to_string()))?;
-    json.push('\n');
+    let json = serde_json::to_string_pretty(&figures).map_err(|e| Error::Data(e.to_string()))? + "\n";
     let files = [("cases.csv", tables::csv(&cases)), ("figures.json", json)];
     let text = format!("{}\n", tables::text(&figures, &found, trained));
     end(&runner.out, results, Some(&found), &files, &text)

@@ -61,8 +61,9 @@ impl Csv {
         Ok(Self(writer))
     }
 
-    fn row(&mut self, setting: &Setting, cells: &[String]) -> Result<()> {
-        self.0.write_record(setting.cells().iter().chain(cells)).map_err(fault)
+    fn row(&mut self, setting: &Setting, cells: &[&dyn Display]) -> Result<()> {
+        let cells = cells.iter().map(ToString::to_string);
+        self.0.write_record(setting.cells().into_iter().chain(cells)).map_err(fault)
     }
 
     fn text(self) -> Result<String> {
@@ -79,19 +80,10 @@ pub(super) fn recall_csv(groups: &[Group<'_>]) -> Result<String> {
     let mut csv = Csv::new(&["cause", "effect", "expected", "found", "runs", "low", "high", "precision"])?;
     for group in groups {
         for recall in group.recalls() {
-            let (low, high) = wilson(recall.found, recall.runs);
-            let (cause, effect) = recall.link;
-            let cells = [
-                cause,
-                effect,
-                recall.expected.to_string(),
-                recall.found.to_string(),
-                recall.runs.to_string(),
-                format!("{low:.4}"),
-                format!("{high:.4}"),
-                cell(recall.precision),
-            ];
-            csv.row(group.setting, &cells)?;
+            let Recall { link: (cause, effect), expected, found, runs, precision } = recall;
+            let (low, high) = wilson(found, runs);
+            let [low, high, precision] = [Some(low), Some(high), precision].map(cell);
+            csv.row(group.setting, &[&cause, &effect, &expected, &found, &runs, &low, &high, &precision])?;
         }
     }
     csv.text()
@@ -101,16 +93,10 @@ pub(super) fn recall_csv(groups: &[Group<'_>]) -> Result<String> {
 pub(super) fn scores_csv(groups: &[Group<'_>]) -> Result<String> {
     let mut csv = Csv::new(&["runs", "recall", "precision", "shd", "exact", "run_time_s"])?;
     for group in groups {
-        let score = group.score();
-        let cells = [
-            group.runs.len().to_string(),
-            format!("{:.4}", score.recall),
-            cell(score.precision),
-            format!("{:.4}", score.shd),
-            score.exact.to_string(),
-            format!("{:.3}", score.run_time_s),
-        ];
-        csv.row(group.setting, &cells)?;
+        let Score { recall, precision, shd, exact, run_time_s } = group.score();
+        let [recall, precision, shd] = [Some(recall), precision, Some(shd)].map(cell);
+        let (runs, time) = (group.runs.len(), format!("{run_time_s:.3}"));
+        csv.row(group.setting, &[&runs, &recall, &precision, &shd, &exact, &time])?;
     }
     csv.text()
 }
@@ -121,13 +107,8 @@ pub(super) fn runs_csv(runs: &[Run]) -> Result<String> {
     for run in runs {
         let links: Vec<String> =
             run.found.iter().map(|(cause, effect)| format!("{cause}->{effect}")).collect();
-        let cells = [
-            run.seed.to_string(),
-            run.n_samples.to_string(),
-            links.join(" "),
-            format!("{:.3}", run.run_time_s),
-        ];
-        csv.row(&run.setting, &cells)?;
+        let (links, time) = (links.join(" "), format!("{:.3}", run.run_time_s));
+        csv.row(&run.setting, &[&run.seed, &run.n_samples, &links, &time])?;
     }
     csv.text()
 }
