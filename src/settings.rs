@@ -117,8 +117,8 @@ fn flag(setting: &'static Setting) -> Arg {
     match setting.kind {
         Kind::Number(..) | Kind::NumberOr(..) => arg.allow_negative_numbers(true),
         Kind::List(_) => arg.value_delimiter(',').action(ArgAction::Append),
-        // A correction or none: the flag alone means the one that there is.
-        Kind::Word(["none", only]) => arg.num_args(0..=1).default_missing_value(*only),
+        // A correction or none: the flag alone means the usual one.
+        Kind::Word(["none", usual, ..]) => arg.num_args(0..=1).default_missing_value(*usual),
         _ => arg,
     }
 }

@@ -14,7 +14,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     later::Later,
-    methods::is_constant as is_constant_column,
     numeric::rows::{cumulated, dot, is_constant, long_run_variance, moments, standardize},
     season::Season,
     types::{DataFrame, Named, names::plain, same_value},
@@ -266,7 +265,9 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (VariableProfile, Vec<St
         ..VariableProfile::default()
     };
     // What only says which recording a row is of moves, drifts and has ties by its nature.
-    if different.len() < 2 || (data.recordings().len() > 1 && columns().all(is_constant_column)) {
+    if different.len() < 2
+        || (data.recordings().len() > 1 && columns().all(|column| is_constant(&present(column, usize::MAX))))
+    {
         profile.longest_constant = rows - missing;
         return (profile, Vec::new(), Seen::default());
     }

@@ -329,8 +329,10 @@ impl Format for McapFile {
         let mut unknown = Ok(());
         while self.contents.file.offset < end {
             let (opcode, length) = self.record_header()?;
-            let whole = length <= self.contents.file.left();
-            let body = self.body(length)?;
+            // A damaged length does not reach into the next piece.
+            let left = self.contents.file.left().min(end.saturating_sub(self.contents.file.offset));
+            let whole = length <= left;
+            let body = self.body(length.min(left))?;
             // A message of a topic that is not known does not end the chunk.
             let mut take = |this: &mut Self, body: &[u8]| -> Parsed<()> {
                 let taken = this.contents.take(message(body)?, wanted, out);

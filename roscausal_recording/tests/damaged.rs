@@ -69,15 +69,21 @@ fn a_damaged_chunk_costs_that_chunk_alone_wherever_the_damage_is() {
                     .unwrap_or(0);
             for whole in [bytes.clone(), unclosed(file, &bytes)] {
                 let all = messages(folder.path(), &whole).0;
-                // Its data, its length, its compression, its first byte.
-                for (place, count) in [(at + header + length / 2, 16), (length_at, 4), (name_at, 3), (at, 1)]
-                {
+                let some_more = u32::try_from(length + length / 2 + 7).unwrap().to_le_bytes().to_vec();
+                // Its data, its length, its compression, its first byte, and a length that reaches into the next chunk.
+                for (place, damage) in [
+                    (at + header + length / 2, vec![0xff; 16]),
+                    (length_at, vec![0xff; 4]),
+                    (name_at, vec![0xff; 3]),
+                    (at, vec![0xff]),
+                    (length_at, some_more),
+                ] {
                     let is_plain = file.starts_with("plain") || file.starts_with("ros2_plain");
                     if place == name_at && is_plain {
                         continue;
                     }
                     let mut damaged = whole.clone();
-                    damaged[place..place + count].fill(0xff);
+                    damaged[place..place + damage.len()].copy_from_slice(&damage);
                     let (kept, losses) = messages(folder.path(), &damaged);
                     let what =
                         format!("{file}, chunk at {at}, damage at {place}: {kept} of {all}, {losses:?}");

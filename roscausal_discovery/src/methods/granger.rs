@@ -1,6 +1,6 @@
 //! Multivariate Granger causality.
 
-use ndarray::{Array2, Array3};
+use ndarray::{Array2, Array3, s};
 
 use super::{
     autoregression::{Autoregression, Criterion, complete_rows},
@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     numeric::{beta::f_sf, student_t::two_sided_p_value},
-    types::{Control, DataFrame, Error, LinkMark, Result, Samples},
+    types::{Control, DataFrame, Error, LinkMark, Result, SampleCount, Samples},
 };
 
 with_defaults! {
@@ -107,6 +107,12 @@ pub fn run_granger(data: &DataFrame, settings: &GrangerSettings, control: &Contr
     let mut result = tested(&regression, settings, lags);
     result.links.n_samples = of_data;
     result.links.all_rest_on(&regression.rows, settings.tau_min);
+    // What other columns determine has no coefficient of its own, and no test.
+    for (_, cause) in regression.causes.iter().enumerate().filter(|(k, _)| regression.fit.is_undetermined(*k))
+    {
+        let untested = Some(SampleCount { used: 0, lost: 0 });
+        result.links.samples.slice_mut(s![cause.var, .., cause.lag]).fill(untested);
+    }
     result.links.remarks = remarks(data, &regression);
     decide(&mut result, &regression, settings);
     control.count(result.links.n_tests);
@@ -268,6 +274,7 @@ mod tests {
             result.links.remarks
         );
         assert!(!result.links.graph[[0, 2, 1]].is_link() && !result.links.graph[[1, 2, 1]].is_link());
+        assert!(result.links.samples[[0, 2, 1]].is_some_and(|samples| samples.used == 0), "it is not tested");
     }
 
     #[test]

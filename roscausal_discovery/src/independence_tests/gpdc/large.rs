@@ -1,6 +1,7 @@
 //! Regressions on many samples, without any matrix of all pairs of them.
 //!
 //! 1. Which maximum: that of the textbook's search on [`PATH_SAMPLES`] samples, evenly chosen.
+//!    A second search, on as many samples between those, says whether they decide it.
 //! 2. Where it is on all samples: Newton steps from there ([`climb`]), with likelihoods of low rank whose truncation is bounded. Their
 //!    curvature by `ln s` is exact; the rest is that of the few samples, scaled, and corrected by each step (symmetric rank one:
 //!    Nocedal and Wright 2006, chapter 6.2). The steps end where another would gain less than [`LEFT`], and the errors of the gradients cost less than that.
@@ -21,6 +22,7 @@ use super::{
     plan::{Forecast, ROUNDING, max_rank},
     preconditioner::Preconditioner,
     refine,
+    regression::NOTHING_FOUND,
     resources::{Held, Resources},
     theta::{BOUNDS, Theta},
 };
@@ -33,6 +35,8 @@ const LEFT: f64 = 2e-5;
 /// Newton steps, and how far one may lead, in logarithms.
 const MOST_STEPS: usize = 20;
 const LONGEST: f64 = 1.0;
+/// How far apart two searches end, in logarithms, that found one maximum on different samples.
+const SAME: f64 = 0.4;
 /// Half the distance of the two places that curvatures by `ln l` are from, and the errors of gradients there.
 const APART: f64 = 0.05;
 const CURVATURE_ERROR: f64 = 0.02;
@@ -46,10 +50,17 @@ const FRACTION: f64 = 1e-8;
 const EXACT: f64 = 1e-6;
 const ROWS: usize = 128;
 
-/// Evenly chosen samples of `n`.
-pub(super) fn few_of(n: usize) -> Vec<usize> {
+/// Evenly chosen samples of `n`; `other`: those between them.
+pub(super) fn few_of(n: usize, other: bool) -> Vec<usize> {
     let few = PATH_SAMPLES.min(n);
-    (0..few).map(|k| k * n / few).collect()
+    let half = if other { n / few / 2 } else { 0 };
+    (0..few).map(|k| k * n / few + half).collect()
+}
+
+/// Whether two searches ended near the same maximum.
+pub(super) fn is_same(a: Theta, b: Theta) -> bool {
+    let near = |a: f64, b: f64| (a / b).ln().abs() <= SAME;
+    near(a.l.min(NOTHING_FOUND), b.l.min(NOTHING_FOUND)) && near(a.s, b.s)
 }
 
 /// A maximum of the likelihood on all samples.

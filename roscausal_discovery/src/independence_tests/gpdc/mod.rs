@@ -302,8 +302,8 @@ impl PreparedTest for PreparedGpdc<'_> {
         let [all, _, by_few] = self.residuals.counts();
         (by_few > 0).then(|| {
             format!(
-                "{by_few} of {all} Gaussian processes have the length scale and noise of 1000 of the samples: on all of them the \
-                 search would take too long; --gp-search exact does it, and may find other links"
+                "{by_few} of {all} Gaussian processes have a length scale and noise that 1000 of the samples decide, or do not decide \
+                 between two; --gp-search exact searches on all of them, and may find other links"
             )
         })
     }

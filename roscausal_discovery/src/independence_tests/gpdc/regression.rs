@@ -34,7 +34,7 @@ const EXACT: f64 = 1e-11;
 const LOW: usize = 16;
 
 /// Length scale, in deviations of the conditions, from which on a regression has found next to nothing.
-const NOTHING_FOUND: f64 = 30.0;
+pub(super) const NOTHING_FOUND: f64 = 30.0;
 
 /// Log likelihood by which another maximum is a better one.
 const BETTER: f64 = 1e-3;
@@ -80,7 +80,7 @@ pub(super) struct Fit {
     pub(super) log_likelihood: f64,
     /// Whether the search was repeated with tight likelihoods.
     pub(super) repeated: bool,
-    /// Whether the maximum is that of some of the samples, because the rank of all is too high.
+    /// Whether the maximum is that of some of the samples, because the rank of all is too high, or one of two that they lead to.
     pub(super) by_few: bool,
     /// Target minus the mean of the process, per sample.
     pub(super) residuals: Vec<f64>,
@@ -164,9 +164,10 @@ impl GaussianProcess {
     /// The same on many samples.
     fn fit_many(&self, target: &[f64], how: &SearchSettings, check: &dyn Fn() -> Result<()>) -> Result<Fit> {
         let n = target.len();
-        let chosen = large::few_of(n);
-        let few = self.few.get_or_init(|| Box::new(Self::of(self.inputs.chosen(&chosen), &self.resources)));
-        let few_targets: Vec<f64> = chosen.iter().map(|&i| target[i]).collect();
+        let chosen = large::few_of(n, false);
+        let of = |chosen: &[usize]| Self::of(self.inputs.chosen(chosen), &self.resources);
+        let targets = |chosen: &[usize]| chosen.iter().map(|&i| target[i]).collect::<Vec<f64>>();
+        let (few, few_targets) = (self.few.get_or_init(|| Box::new(of(&chosen))), targets(&chosen));
         let (Found { optimum, repeated }, _) = few.best_optimum(&few_targets, how, check)?;
         let share = n as f64 / chosen.len() as f64;
         let climb = |start: Theta| {
@@ -185,7 +186,19 @@ impl GaussianProcess {
                 found = Some(other);
             }
         }
-        let by_few = found.is_none();
+        let between = large::few_of(n, true);
+        let (other, _) = of(&between).best_optimum(&targets(&between), how, check)?;
+        let other = Theta::from_logarithms(other.optimum.x);
+        let mut by_few = found.is_none();
+        if let (Some(at), false) = (found.as_ref(), large::is_same(start, other))
+            && let Some(second) = climb(other)?.filter(|second| !large::is_same(at.theta, second.theta))
+        {
+            by_few = true;
+            found = [found, Some(second)]
+                .into_iter()
+                .flatten()
+                .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood));
+        }
         let at = found.unwrap_or_else(|| large::Maximum {
             theta: start,
             log_likelihood: -share * optimum.value,
