@@ -110,7 +110,8 @@ class Settings(TypedDict, total=False):
     commas, the first row has the numbers of samples; None: gpdc's own."""
 
     as_tigramite: bool | None
-    """Answer as tigramite also where it is known to be wrong (docs/methods.md)."""
+    """Answer as tigramite also where it is known to be wrong, pool recordings as they are, and look for nothing else
+    (docs/methods.md)."""
 
     seed: int | None
     """Seed of all random numbers."""

@@ -22,7 +22,6 @@ use super::{
     plan::{Forecast, ROUNDING, max_rank},
     preconditioner::Preconditioner,
     refine,
-    regression::NOTHING_FOUND,
     resources::{Held, Resources},
     theta::{BOUNDS, Theta},
 };
@@ -35,6 +34,8 @@ const LEFT: f64 = 2e-5;
 /// Newton steps, and how far one may lead, in logarithms.
 const MOST_STEPS: usize = 20;
 const LONGEST: f64 = 1.0;
+/// Length scale, in deviations of the conditions, from which on a regression has found next to nothing.
+pub(super) const NOTHING_FOUND: f64 = 30.0;
 /// How far apart two searches end, in logarithms, that found one maximum on different samples.
 const SAME: f64 = 0.4;
 /// Half the distance of the two places that curvatures by `ln l` are from, and the errors of gradients there.

@@ -33,9 +33,6 @@ const TOO_LOOSE: f64 = 10.0;
 const EXACT: f64 = 1e-11;
 const LOW: usize = 16;
 
-/// Length scale, in deviations of the conditions, from which on a regression has found next to nothing.
-pub(super) const NOTHING_FOUND: f64 = 30.0;
-
 /// Log likelihood by which another maximum is a better one.
 const BETTER: f64 = 1e-3;
 /// Length scales where a better maximum is looked for, as multiples of the one found; error of the gradients there; and what a
@@ -177,7 +174,7 @@ impl GaussianProcess {
         };
         let start = Theta::from_logarithms(optimum.x);
         let mut found = climb(start)?;
-        if let Some(at) = found.as_ref().filter(|at| at.theta.l > NOTHING_FOUND) {
+        if let Some(at) = found.as_ref().filter(|at| at.theta.l > large::NOTHING_FOUND) {
             // What some samples are too few to show, all may.
             let typical = Theta { l: (self.inputs.dimensions() as f64).sqrt(), s: at.theta.s };
             if let Some((better, _)) = self.better_elsewhere(target, typical, at.log_likelihood, check)?
