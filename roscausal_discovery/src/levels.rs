@@ -82,14 +82,14 @@ impl Levelled {
                 &format!("; {names}: constant in each recording, so only jpcmciplus takes it for a cause");
         }
         let mut recordings = data.recordings().to_vec();
-        let units = rows::units(&data);
         for &var in vars.iter().chain(&labels) {
             let scaled = |recordings: &mut [Array2<f64>], by: f64| {
                 recordings.iter_mut().for_each(|rows| rows.column_mut(var).mapv_inplace(|value| value * by));
             };
-            scaled(&mut recordings, units[var]);
+            let unit = rows::unit(&data, var);
+            scaled(&mut recordings, unit);
             take_out(&mut recordings, var, &runs, !scales.is_empty());
-            scaled(&mut recordings, 1.0 / units[var]);
+            scaled(&mut recordings, 1.0 / unit);
         }
         match data.with_values(recordings) {
             Some(data) => {
@@ -109,7 +109,7 @@ fn moments(values: &[f64]) -> (f64, f64) {
 /// The values of a variable in each run that has some.
 fn of_runs(data: &DataFrame, var: usize, runs: &[usize]) -> Vec<Vec<f64>> {
     // In units in which squares neither overflow nor vanish.
-    let unit = rows::units(data)[var];
+    let unit = rows::unit(data, var);
     let of_run = |run: usize| -> Vec<f64> {
         let recordings = data.recordings().iter().zip(runs).filter(|(_, of)| **of == run);
         let values = recordings.flat_map(|(rows, _)| rows.column(var).to_vec());

@@ -14,7 +14,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     later::Later,
-    numeric::rows::{cumulated, dot, is_constant, long_run_variance, moments, standardize},
+    numeric::rows::{
+        cumulated, dot, is_constant, is_constant_column, long_run_variance, moments, standardize,
+    },
     season::Season,
     types::{DataFrame, Named, names::plain, same_value},
     unsteady::Unsteady,
@@ -265,9 +267,7 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (VariableProfile, Vec<St
         ..VariableProfile::default()
     };
     // What only says which recording a row is of moves, drifts and has ties by its nature.
-    if different.len() < 2
-        || (data.recordings().len() > 1 && columns().all(|column| is_constant(&present(column, usize::MAX))))
-    {
+    if different.len() < 2 || (data.recordings().len() > 1 && columns().all(is_constant_column)) {
         profile.longest_constant = rows - missing;
         return (profile, Vec::new(), Seen::default());
     }

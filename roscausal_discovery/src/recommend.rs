@@ -102,6 +102,10 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
             "parcorr: the one test that can say which recording a sample is from".to_owned(),
         );
     }
+    let has_outliers = || {
+        let (profile, _) = DataProfile::of(data, settings.tau_max);
+        profile.variables.iter().any(|variable| variable.outliers > 0)
+    };
     let n_values = |var: usize| data.different_values(var, MOST_VALUES).len();
     let is_category = categories(data, &settings.test.categories);
     let categories: Vec<usize> =
@@ -131,7 +135,7 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
                 "; below {ENOUGH_OF_MIXED} samples for each degree of freedom, as here, it finds too much"
             );
         }
-        if DataProfile::of(data, settings.tau_max).0.variables.iter().any(|variable| variable.outliers > 0) {
+        if has_outliers() {
             reason += "; outliers make it find too much at 0.01";
         }
         return answer("regressionci", reason);
@@ -146,8 +150,7 @@ fn test_for(data: &DataFrame, settings: &Settings) -> (String, String) {
     }
     let slow =
         format!("gpdc, which sees dependence of any form, would take about {:.0} min here", seconds / 60.0);
-    let (profile, _) = DataProfile::of(data, settings.tau_max);
-    if profile.variables.iter().any(|variable| variable.outliers > 0) {
+    if has_outliers() {
         return answer("robustparcorr", format!("robustparcorr: {slow}, and there are outliers"));
     }
     answer("parcorr", format!("parcorr: {slow}; effects that are not linear may be missed"))

@@ -126,9 +126,7 @@ impl Note {
             Self::Read(_) | Self::Coded { .. } => None,
         }
     }
-}
 
-impl Note {
     /// Each matter once, with the numbers of the files that it is about, in order; missing cells are counted together.
     pub fn gathered<'a>(notes: impl Iterator<Item = (usize, &'a Self)>) -> Vec<(Vec<usize>, Self)> {
         let mut told: Vec<(Vec<usize>, Self)> = Vec::new();

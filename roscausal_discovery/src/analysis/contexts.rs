@@ -10,8 +10,9 @@ use ndarray::Axis;
 use crate::{
     methods::{
         Intervened, JpcmciPlusResult, JpcmciPlusSettings, NodeClass, PcmciResult, PcmciSettings,
-        default_intervention_targets, is_constant, is_shared,
+        default_intervention_targets, is_shared,
     },
+    numeric::rows::is_constant_column,
     settings::Settings,
     types::{DataFrame, Error, LinkMark, Result, names, same_value, unique},
 };
@@ -83,7 +84,7 @@ impl Settings {
 
 fn class_of(data: &DataFrame, var: usize, exogenous: bool) -> Result<NodeClass> {
     let name = &data.var_names()[var];
-    match data.recordings().iter().position(|recording| !is_constant(recording.column(var))) {
+    match data.recordings().iter().position(|recording| !is_constant_column(recording.column(var))) {
         None if differs(data, var) => Ok(NodeClass::SpaceContext),
         Some(_) if exogenous && are_cut(data, var) => {
             let rows: Vec<String> = data.recordings().iter().map(|rows| rows.nrows().to_string()).collect();
@@ -118,7 +119,7 @@ fn are_cut(data: &DataFrame, var: usize) -> bool {
 }
 
 fn is_constant_everywhere(data: &DataFrame, var: usize) -> bool {
-    data.recordings().iter().all(|recording| is_constant(recording.column(var))) && !differs(data, var)
+    data.recordings().iter().all(|recording| is_constant_column(recording.column(var))) && !differs(data, var)
 }
 
 /// Whether two recordings hold different values of a variable that is constant in each.

@@ -15,6 +15,14 @@ pub enum Fdr {
     BhLagged,
 }
 
+impl Fdr {
+    /// What the reference means by this word.
+    #[must_use]
+    pub fn as_tigramite(self) -> Self {
+        if self == Self::Bh { Self::BhLagged } else { self }
+    }
+}
+
 words!(Fdr, "fdr": None "none", Bh "fdr_bh", BhLagged "fdr_bh_lagged");
 
 /// P-values corrected for multiple testing (Benjamini and Hochberg 1995). Only the entries in `tested` count and

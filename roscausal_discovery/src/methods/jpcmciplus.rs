@@ -22,9 +22,12 @@ use super::{
     settings::PcmciSettings,
     skeleton::{Conditions, Skeleton},
 };
-use crate::types::{
-    Assumption, CondIndTest, Control, DataFrame, Dummy, Error, LinkAssumptions, LinkMark, Node, Result,
-    Samples, add_new, same_value,
+use crate::{
+    numeric::rows::is_constant_column,
+    types::{
+        Assumption, CondIndTest, Control, DataFrame, Dummy, Error, LinkAssumptions, LinkMark, Node, Result,
+        Samples, add_new, same_value,
+    },
 };
 
 /// What a variable is, seen over several recordings.
@@ -160,7 +163,7 @@ fn check(data: &DataFrame, test: &dyn CondIndTest, settings: &JpcmciPlusSettings
     for (var, class) in classes.iter().enumerate() {
         let name = &data.var_names()[var];
         if *class == NodeClass::SpaceContext
-            && let Some(recording) = data.recordings().iter().position(|r| !is_constant(r.column(var)))
+            && let Some(recording) = data.recordings().iter().position(|r| !is_constant_column(r.column(var)))
         {
             let reason =
                 format!("'{name}' varies within recording {recording}; a context of space is constant there");
@@ -175,13 +178,6 @@ fn check(data: &DataFrame, test: &dyn CondIndTest, settings: &JpcmciPlusSettings
         }
     }
     Ok(classes)
-}
-
-/// Whether all values that are there are the same.
-pub(crate) fn is_constant(column: ndarray::ArrayView1<'_, f64>) -> bool {
-    let mut values = column.iter().filter(|v| !v.is_nan());
-    let first = values.next();
-    values.all(|v| Some(v) == first)
 }
 
 /// Whether a column is the same in all recordings.

@@ -149,16 +149,17 @@ impl Mci<'_> {
 
 /// P-values corrected over the links that are assumed possible; `None` without a correction.
 fn corrected(fdr: Fdr, links: &LinkAssumptions, p_matrix: &Array3<f64>) -> Option<Array3<f64>> {
-    let is_same = |(i, j, lag)| lag == 0 && j < i && p_matrix[[i, j, 0]] == p_matrix[[j, i, 0]];
+    // The second of two entries that are one test.
+    let is_twin = |(i, j, lag)| {
+        lag == 0 && j < i && p_matrix[[i, j, 0]] == p_matrix[[j, i, 0]] && links.get(j, i, 0).is_some()
+    };
     let counts = |(i, j, lag)| {
-        links.get(i, j, lag).is_some()
-            && (lag > 0
-                || (fdr == Fdr::Bh && i != j && !(is_same((i, j, lag)) && links.get(j, i, 0).is_some())))
+        links.get(i, j, lag).is_some() && (lag > 0 || (fdr == Fdr::Bh && i != j && !is_twin((i, j, lag))))
     };
     (fdr != Fdr::None).then(|| {
         let mut q_matrix = fdr_bh(p_matrix, &Array3::from_shape_fn(p_matrix.dim(), counts));
         if fdr == Fdr::Bh {
-            for (i, j, lag) in ndarray::indices(p_matrix.dim()).into_iter().filter(|at| is_same(*at)) {
+            for (i, j, lag) in ndarray::indices(p_matrix.dim()).into_iter().filter(|at| is_twin(*at)) {
                 q_matrix[[i, j, lag]] = q_matrix[[j, i, lag]];
             }
         }

@@ -8,6 +8,13 @@ pub(crate) fn is_constant(row: &[f64]) -> bool {
     row.windows(2).all(|w| w[0] == w[1])
 }
 
+/// Whether all values that are there are the same.
+pub(crate) fn is_constant_column(column: ndarray::ArrayView1<'_, f64>) -> bool {
+    let mut values = column.iter().filter(|v| !v.is_nan());
+    let first = values.next();
+    values.all(|v| Some(v) == first)
+}
+
 /// Subtracts the mean and scales to norm 1; false if the row is constant.
 pub(crate) fn standardize(row: &mut [f64]) -> bool {
     if is_constant(row) {
@@ -45,11 +52,13 @@ pub(crate) fn unit_factor(row: &[f64]) -> f64 {
 
 /// For each variable the power of two that brings its largest size to between 1 and 4.
 pub(crate) fn units(data: &DataFrame) -> Vec<f64> {
-    let largest = |var: usize| {
-        let values = data.recordings().iter().flat_map(|of| of.column(var).to_vec());
-        values.filter(|v| !v.is_nan()).fold(0.0, |most: f64, v| most.max(v.abs()))
-    };
-    (0..data.n_vars()).map(|var| unit_factor(&[largest(var)])).collect()
+    (0..data.n_vars()).map(|var| unit(data, var)).collect()
+}
+
+/// That of one variable.
+pub(crate) fn unit(data: &DataFrame, var: usize) -> f64 {
+    let values = data.recordings().iter().flat_map(|of| of.column(var).to_vec());
+    unit_factor(&[values.filter(|v| !v.is_nan()).fold(0.0, |most: f64, v| most.max(v.abs()))])
 }
 
 /// Sum of products, in eight lanes.

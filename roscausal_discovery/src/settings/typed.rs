@@ -173,10 +173,7 @@ impl Settings {
             tau_max: self.tau_max,
             pc_alpha: self.level_of_pc().into_iter().collect(),
             alpha_level: self.alpha,
-            fdr: match self.fdr {
-                Fdr::Bh if self.test.as_tigramite => Fdr::BhLagged,
-                fdr => fdr,
-            },
+            fdr: if self.test.as_tigramite { self.fdr.as_tigramite() } else { self.fdr },
             link_assumptions: restricted.then(|| given.unwrap_or_else(all).exogenous(&context)),
             max_conds_dim: self.max_conds,
             ..PcmciSettings::default()

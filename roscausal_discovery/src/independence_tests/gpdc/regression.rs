@@ -183,18 +183,19 @@ impl GaussianProcess {
                 found = Some(other);
             }
         }
-        let between = large::few_of(n, true);
-        let (other, _) = of(&between).best_optimum(&targets(&between), how, check)?;
-        let other = Theta::from_logarithms(other.optimum.x);
         let mut by_few = found.is_none();
-        if let (Some(at), false) = (found.as_ref(), large::is_same(start, other))
-            && let Some(second) = climb(other)?.filter(|second| !large::is_same(at.theta, second.theta))
-        {
-            by_few = true;
-            found = [found, Some(second)]
-                .into_iter()
-                .flatten()
-                .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood));
+        if let Some(at) = &found {
+            let between = large::few_of(n, true);
+            let (other, _) = of(&between).best_optimum(&targets(&between), how, check)?;
+            let other = Theta::from_logarithms(other.optimum.x);
+            if !large::is_same(start, other)
+                && let Some(second) = climb(other)?.filter(|second| !large::is_same(at.theta, second.theta))
+            {
+                by_few = true;
+                if second.log_likelihood >= at.log_likelihood {
+                    found = Some(second);
+                }
+            }
         }
         let at = found.unwrap_or_else(|| large::Maximum {
             theta: start,
