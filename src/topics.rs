@@ -6,12 +6,12 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 use roscausal_core::{Result, Time, signal::Definitions};
-use roscausal_recording::{Record, Recording, Topic};
+use roscausal_recording::{Record, Recording};
 
 use crate::{
     interrupt::Interrupt,
     recording::{
-        clocks::{Offset, Offsets, Stamps},
+        clocks::{Offset, Offsets, Stamps, is_tf},
         runs,
     },
 };
@@ -77,9 +77,8 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let topics = recording.topics().to_vec();
     let mut counts = vec![Count::default(); topics.len()];
     let definitions = Definitions::of("");
-    let is_stamped = |topic: &Topic| topic.type_name != "tf2_msgs/TFMessage";
     let stamps: Vec<Option<Stamps>> =
-        topics.iter().map(|topic| Stamps::of(topic, &definitions).filter(|_| is_stamped(topic))).collect();
+        topics.iter().map(|topic| Stamps::of(topic, &definitions).filter(|_| !is_tf(topic))).collect();
     let mut offsets: Vec<Offsets> = topics.iter().map(|_| Offsets::default()).collect();
     for record in recording.by_ref() {
         interrupt.check()?;

@@ -109,7 +109,7 @@ pub use model::{
     Advice, Confidence, FoundBy, Link, LinkSize, Matrices, Model, Outcome, ResamplingFacts, SCHEMA, SCHEMA_1,
     Summary, SummaryAdvice, SummaryLink, word_of,
 };
-pub use numeric::rows::quantile;
+pub use numeric::rows::{quantile, unit_factor};
 /// For the project's other crates, no part of the interface.
 #[doc(hidden)]
 pub use numeric::{random::mix, student_t::quantile as student_t_quantile};

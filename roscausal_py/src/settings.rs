@@ -128,11 +128,7 @@ pub(crate) fn of_method(given: &mut Given, n_vars: usize) -> Result<(PcmciSettin
     settings.max_conds_px = given.count("max_conds_px")?;
     settings.max_conds_px_lagged = given.count("max_conds_px_lagged")?;
     if let Some(fdr) = given.word("fdr_method")? {
-        // The reference's.
-        settings.fdr = match fdr.parse()? {
-            Fdr::Bh => Fdr::BhLagged,
-            fdr => fdr,
-        };
+        settings.fdr = fdr.parse::<Fdr>()?.as_tigramite();
     }
     settings.link_assumptions =
         given.take("link_assumptions").map(|links| links_of(&links, n_vars)).transpose()?;

@@ -6,7 +6,7 @@ use ndarray::{Array2, ArrayViewMut1};
 use roscausal_core::{Error, Result, batch::table::Unit};
 use roscausal_discovery::{
     names::{nearest, plain, position},
-    without_season,
+    unit_factor, without_season,
 };
 
 use super::Data;
@@ -154,9 +154,8 @@ fn detrend(mut column: ArrayViewMut1<'_, f64>) {
 }
 
 fn standardise(mut column: ArrayViewMut1<'_, f64>) {
-    // In units, a power of two, in which squares neither overflow nor vanish.
-    let largest = column.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
-    let unit = 2_f64.powi((-largest.log2().floor()).clamp(-1000.0, 1000.0) as i32);
+    // In units in which squares neither overflow nor vanish.
+    let unit = unit_factor(&column.to_vec());
     column.mapv_inplace(|value| value * unit);
     let known: Vec<f64> = column.iter().copied().filter(|value| !value.is_nan()).collect();
     let n = known.len() as f64;

@@ -213,6 +213,11 @@ pub(crate) struct Clocks {
     pub(super) fixed: BTreeMap<String, BTreeMap<String, TransformStamped>>,
 }
 
+/// Whether this topic carries transforms, which bear the stamps of what they were computed from.
+pub(crate) fn is_tf(topic: &Topic) -> bool {
+    topic.type_name == "tf2_msgs/TFMessage"
+}
+
 /// Whether this topic carries the time of a simulation.
 pub(super) fn is_clock(topic: &Topic) -> bool {
     topic.name == "/clock" && topic.type_name == "rosgraph_msgs/Clock" && topic.known_type().is_some()
@@ -242,7 +247,6 @@ impl Clocks {
         let mut recording = Recording::open(path)?;
         let topics = recording.topics().to_vec();
         let definitions = Arc::new(Definitions::of(""));
-        let is_tf = |topic: &Topic| topic.type_name == "tf2_msgs/TFMessage";
         let is_measured = |topic: &Topic| wanted(topic) && !is_tf(topic) && !is_clock(topic);
         let has_clock = topics.iter().any(is_clock);
         let stamps_of = |topic: &Topic| Stamps::of(topic, &definitions).filter(|_| is_measured(topic));
@@ -335,7 +339,6 @@ pub(super) fn number(numbers: &mut [u64], record: &Record) -> u64 {
 
 /// Checks that stamps are of one clock that goes on with the time of recording. Returns what may be wrong with them.
 fn check(path: &Path, topics: &[Topic], measured: &[Option<Offset>]) -> Result<Vec<String>> {
-    let is_tf = |topic: &Topic| topic.type_name == "tf2_msgs/TFMessage";
     let known = topics.iter().zip(measured).filter_map(|(topic, offset)| Some((topic, offset.as_ref()?)));
     let known: Vec<(&Topic, &Offset)> = known.filter(|(_, offset)| offset.count >= ENOUGH).collect();
     let by = |a: &&(&Topic, &Offset), b: &&(&Topic, &Offset)| a.1.median_s.total_cmp(&b.1.median_s);

@@ -14,6 +14,8 @@ use roscausal_msgs::{
 };
 use roscausal_recording::{Record, Recording, Topic};
 
+use super::clocks::is_tf;
+
 /// Between places farther apart than this the robot is not known; the data node's `max_gap`. Seconds.
 const MAX_GAP_S: f64 = 0.5;
 /// How long a place waits for its transform, as in the robot node. Seconds.
@@ -31,10 +33,9 @@ pub(crate) struct Coverage {
 }
 
 /// Whether this is the topic of transforms, or that of the fixed ones.
-fn is_tf(topic: &Topic, tf: &str) -> bool {
+fn is_tf_of(topic: &Topic, tf: &str) -> bool {
     let name = topic.name.trim_start_matches('/');
-    name.strip_suffix("_static").unwrap_or(name) == tf.trim_start_matches('/')
-        && topic.type_name == "tf2_msgs/TFMessage"
+    name.strip_suffix("_static").unwrap_or(name) == tf.trim_start_matches('/') && is_tf(topic)
 }
 
 /// A recording of which only these topics are read, and all its topics.
@@ -56,7 +57,7 @@ pub(crate) fn measure(
     map: &str,
     tf_topic: &str,
 ) -> Result<Coverage> {
-    let wanted = |topic: &Topic| topic.name == pose || topic.name == odometry || is_tf(topic, tf_topic);
+    let wanted = |topic: &Topic| topic.name == pose || topic.name == odometry || is_tf_of(topic, tf_topic);
     let (mut recording, topics) = opened(path, wanted)?;
     let (mut by_pose, mut by_odometry) = (Known::default(), Known::default());
     let (mut waiting, mut tf) = (VecDeque::new(), TfBuffer::default());
@@ -64,7 +65,7 @@ pub(crate) fn measure(
     let mut spans: BTreeMap<u32, (Time, Time)> = BTreeMap::new();
     for record in recording.by_ref() {
         let topic = &topics[record.topic];
-        if is_tf(topic, tf_topic) {
+        if is_tf_of(topic, tf_topic) {
             if let Ok(message) = topic.decode::<TFMessage>(&record.bytes) {
                 tf.insert(&message, topic.name.ends_with("tf_static"));
             }
@@ -144,7 +145,7 @@ pub(crate) fn frame_of(path: &Path, name: &str) -> Result<Option<String>> {
 /// # Errors
 /// A recording that cannot be opened.
 pub(crate) fn has_frame(path: &Path, tf: &str, frame: &str) -> Result<bool> {
-    let (mut recording, topics) = opened(path, |topic| is_tf(topic, tf))?;
+    let (mut recording, topics) = opened(path, |topic| is_tf_of(topic, tf))?;
     let is_it = |name: &str| name.trim_start_matches('/') == frame;
     Ok(recording.by_ref().any(|record| {
         let message = topics[record.topic].decode::<TFMessage>(&record.bytes).unwrap_or_default();
@@ -157,7 +158,7 @@ pub(crate) fn has_frame(path: &Path, tf: &str, frame: &str) -> Result<bool> {
 /// # Errors
 /// A recording that cannot be opened.
 pub(crate) fn frames(path: &Path, tf: &str) -> Result<BTreeSet<String>> {
-    let (mut recording, topics) = opened(path, |topic| is_tf(topic, tf))?;
+    let (mut recording, topics) = opened(path, |topic| is_tf_of(topic, tf))?;
     let mut frames = BTreeSet::new();
     for record in recording.by_ref().take(LOOKED_AT) {
         let Ok(message) = topics[record.topic].decode::<TFMessage>(&record.bytes) else { continue };

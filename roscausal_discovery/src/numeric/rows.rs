@@ -40,7 +40,8 @@ pub(crate) fn standardize(row: &mut [f64]) -> bool {
 
 /// The power of two that brings the largest size of a value to between 1 and 4, so that neither squares nor sums overflow or vanish.
 /// Multiplying by it is exact: what is computed afterwards does not depend on units that differ by powers of two.
-pub(crate) fn unit_factor(row: &[f64]) -> f64 {
+#[must_use]
+pub fn unit_factor(row: &[f64]) -> f64 {
     let largest = largest(row);
     if largest == 0.0 || !largest.is_finite() {
         return 1.0;
