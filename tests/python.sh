@@ -63,6 +63,7 @@ reference=$made/reference
 python3 -m venv "$reference" && "$reference/bin/pip" install --quiet --disable-pip-version-check "$wheel" pytest matplotlib seaborn networkx \
   tigramite==5.2.10.1 numba scikit-learn dcor || give_up "tigramite cannot be installed from PyPI"
 part "60 configurations give tigramite's numbers" "$reference/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/combinations.py
+part "effects and mediation in tigramite's numbers" "$reference/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/effects.py
 part "a program in tigramite's words gives its numbers" "$reference/bin/python" tests/tutorials.py --least 100 roscausal_py/tests/words.ipynb
 
 # The same wheel on the other Pythons of this machine.

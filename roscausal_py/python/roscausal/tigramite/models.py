@@ -1,0 +1,228 @@
+"""`LinearMediation`: how strongly variables drive, are driven and pass on, in linear equations of a known graph (Runge et al. 2015).
+
+Phi(s)[j, i] is the coefficient of i at s steps before in the equation of j. A pulse of i has, after tau steps, the effect Psi(tau)[j, i]:
+Psi(0) = (1 - Phi(0))^-1, Psi(tau) = Psi(0) (Phi(1) Psi(tau - 1) + .. + Phi(tau) Psi(0)). What passes through k is Psi without that of the
+equations in which nothing drives k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._native import DataError, SettingError
+from .refusal import NotCovered, missing, not_covered
+
+LagMode = Literal["absmax", "all_lags"]
+__getattr__ = missing(__name__, "Models", "Prediction")
+
+
+class LinearMediation:
+    """Effects along the links of a graph, from linear regressions of each variable on its parents.
+
+    Args:
+        dataframe: The data.
+        data_transform: A `StandardScaler` of scikit-learn, or "standardise": in standard deviations; None: in the data's units.
+        mask_type: Roles in which masked values exclude a sample: z is the parents, x and y are the effect.
+
+    Attributes:
+        phi: Coefficients (tau_max + 1, N, N) as [lag, effect, cause].
+        psi: Effects by all paths, of the same shape.
+        all_psi_k: Effects by the paths around each variable, (N, tau_max + 1, N, N).
+
+    Example:
+        >>> import numpy as np
+        >>> from roscausal.tigramite import data_processing as pp
+        >>> from roscausal.tigramite.models import LinearMediation
+        >>> x = np.random.default_rng(1).normal(size=(2000, 3))
+        >>> for t in range(1, 2000):
+        ...     x[t, 1:] += 0.5 * x[t - 1, :2]
+        >>> med = LinearMediation(pp.DataFrame(x), data_transform=None)
+        >>> med.fit_model({0: [], 1: [(0, -1)], 2: [(1, -1)]}, tau_max=3)
+        >>> round(med.get_ce(0, -2, 2), 1), round(med.get_mce(0, -2, 2, 1), 1), round(med.get_coeff(0, -2, 2), 1)
+        (0.2, 0.2, 0.0)
+    """
+
+    def __init__(
+        self, dataframe: Any, model_params: None = None, data_transform: Any = "standardise", mask_type: str | None = None, verbosity: int = 0,
+    ) -> None:  # fmt: skip
+        not_covered(model_params=model_params)
+        if data_transform not in (None, "standardise") and type(data_transform).__name__ != "StandardScaler":
+            raise NotCovered(f"data_transform={data_transform!r} is not covered by roscausal.tigramite; give a StandardScaler, or None")
+        self.dataframe, self.data_transform, self.mask_type = dataframe, data_transform, mask_type
+        self.N: int = dataframe.N
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("phi", "psi", "all_psi_k", "phi_boots"):
+            raise SettingError(f"there is no {name} before fit_model{'_bootstrap' * name.endswith('boots')}")
+        if name.startswith("_"):
+            raise AttributeError(name)
+        raise NotCovered(f"LinearMediation.{name} is not covered by roscausal; tigramite.models.LinearMediation takes our frames")
+
+    def fit_model(self, all_parents: Mapping[int, Sequence[tuple[int, int]]], tau_max: int | None = None, return_data: bool = False) -> None:
+        """Fits the equations of `{j: [(i, -lag), ..]}` and follows effects to `tau_max` steps; None: to the largest lag of a parent.
+
+        Raises:
+            DataError: Fewer samples than coefficients.
+        """
+        not_covered(return_data=return_data)
+        self.all_parents = {j: list(all_parents.get(j, [])) for j in range(self.N)}
+        longest = max((-lag for of in self.all_parents.values() for _, lag in of), default=0)
+        self.tau_max = longest if tau_max is None else tau_max
+        if longest > self.tau_max:
+            raise SettingError(f"setting 'tau_max': {self.tau_max} is less than the largest lag of a parent, {longest}")
+        self._follow(self._coefficients())
+
+    def _follow(self, phi: NDArray[np.float64]) -> None:
+        self.phi, self.psi = phi, _effects(phi)
+        self.all_psi_k = np.stack([self._around(k) for k in range(self.N)])
+
+    def _coefficients(self) -> NDArray[np.float64]:
+        phi = np.zeros((self.tau_max + 1, self.N, self.N))
+        for j, parents in self.all_parents.items():
+            if not parents:
+                continue
+            rows = self.dataframe.construct_array(
+                [(j, 0)], [(j, 0)], parents, tau_max=self.tau_max, mask_type=self.mask_type, cut_off="max_lag_or_tau_max"
+            )[0][1:]
+            if rows.shape[1] <= len(parents) + 1:
+                raise DataError(f"{rows.shape[1]} samples are too few for an equation of {len(parents)} parents; record longer")
+            rows = rows - rows.mean(axis=1, keepdims=True)
+            found = np.linalg.lstsq(rows[1:].T, rows[0], rcond=None)[0]
+            if self.data_transform is not None:
+                deviations = rows.std(axis=1)
+                found *= deviations[1:] / (deviations[0] or 1.0)
+            for (i, lag), b in zip(parents, found):
+                phi[-lag, j, i] = b
+        return phi
+
+    def fit_model_bootstrap(self, boot_blocklength: int = 1, seed: int | None = None, boot_samples: int = 100) -> None:
+        """Fits the equations again on samples drawn with replacement, in blocks of so many, for `get_bootstrap_of`."""
+        first = int(np.random.default_rng().integers(2**31)) if seed is None else seed
+        boots = []
+        try:
+            for number in range(boot_samples):
+                self.dataframe.bootstrap = {"boot_blocklength": boot_blocklength, "random_state": np.random.default_rng(first + number)}
+                boots.append(self._coefficients())
+        finally:
+            self.dataframe.bootstrap = None
+        self.phi_boots = np.stack(boots)
+
+    def get_bootstrap_of(self, function: str, function_args: Mapping[str, Any], conf_lev: float = 0.9) -> NDArray[np.float64]:
+        """The interval [low, high] of what a `get_` method returns, over the bootstraps of `fit_model_bootstrap`."""
+        whole, found = self.phi, []
+        try:
+            for phi in self.phi_boots:
+                self._follow(phi)
+                found.append(getattr(self, function)(**function_args))
+        finally:
+            self._follow(whole)
+        return np.quantile(found, [(1 - conf_lev) / 2, (1 + conf_lev) / 2], axis=0)
+
+    def _around(self, *mediators: int | Sequence[int]) -> NDArray[np.float64]:
+        cut = self.phi.copy()
+        for of in mediators:
+            cut[:, of, :] = 0.0
+        return _effects(cut)
+
+    def get_coefs(self) -> dict[int, dict[tuple[int, int], float]]:
+        """The coefficients as `{j: {(i, -lag): b}}`."""
+        return {j: {(i, lag): float(self.phi[-lag, j, i]) for i, lag in of} for j, of in self.all_parents.items()}
+
+    def get_coeff(self, i: int, tau: int, j: int) -> float:
+        """The coefficient of i, `tau` steps before, in the equation of j."""
+        return float(self.phi[abs(tau), j, i])
+
+    def get_val_matrix(self, symmetrize: bool = False) -> NDArray[np.float64]:
+        """The coefficients (N, N, tau_max + 1) as [cause, effect, lag]; `symmetrize`: at lag 0 from both sides."""
+        values = self.phi.transpose(2, 1, 0).copy()
+        if symmetrize:
+            values[:, :, 0] = np.where(values[:, :, 0] == 0, values[:, :, 0].T, values[:, :, 0])
+        return values
+
+    def get_ce(self, i: int, tau: int, j: int) -> float:
+        """The effect of a unit of i on j after `tau` steps, by all paths."""
+        return float(self.psi[abs(tau), j, i])
+
+    def get_ce_max(self, i: int, j: int) -> float:
+        """The largest effect of i on j over the lags, with its sign."""
+        effects = self.psi[:, j, i]
+        return float(effects[np.argmax(np.abs(effects))])
+
+    def get_joint_ce(self, i: int, j: int) -> NDArray[np.float64]:
+        """The effect of i on j at each lag (tau_max + 1,), by the paths on which i comes only once."""
+        return self._around(i)[:, j, i]
+
+    def get_mce(self, i: int, tau: int, j: int, k: int | Sequence[int]) -> float:
+        """The part of `get_ce` that passes through k (one variable, or any of several)."""
+        return float(self.psi[abs(tau), j, i] - self._around(k)[abs(tau), j, i])
+
+    def get_conditional_mce(self, i: int, tau: int, j: int, k: int | Sequence[int], notk: int | Sequence[int]) -> float:
+        """The part of `get_ce` that passes through k, and not through notk."""
+        at = (abs(tau), j, i)
+        return float(self._around(notk)[at] - self._around(notk, k)[at])
+
+    def get_joint_mce(self, i: int, j: int, k: int | Sequence[int]) -> NDArray[np.float64]:
+        """The part of `get_joint_ce` that passes through k."""
+        return (self._around(i) - self._around(i, k))[:, j, i]
+
+    def get_all_ace(self, lag_mode: LagMode = "absmax", exclude_i: bool = True) -> NDArray[np.float64]:
+        """Average causal effect of each variable: the mean, over the variables, of its largest effect ("absmax"), or over the lags."""
+        return _mean(_over_lags(self.psi, lag_mode), exclude_i).mean(axis=0).filled(0.0)
+
+    def get_all_acs(self, lag_mode: LagMode = "absmax", exclude_j: bool = True) -> NDArray[np.float64]:
+        """Average causal susceptibility of each variable: the same mean of the effects on it."""
+        return _mean(_over_lags(self.psi, lag_mode), exclude_j).mean(axis=1).filled(0.0)
+
+    def get_all_amce(
+        self, lag_mode: LagMode = "absmax", exclude_k: bool = True, exclude_self_effects: bool = True
+    ) -> NDArray[np.float64]:
+        """Average mediated effect of each variable: the mean, over pairs, of what passes through it.
+
+        Args:
+            lag_mode: "absmax": the largest over the lags; "all_lags": the mean.
+            exclude_k: Whether pairs with the variable itself do not count.
+            exclude_self_effects: Whether a variable with itself is no pair; only with "absmax".
+        """
+        found = []
+        for k in range(self.N):
+            parts = _mean(_over_lags(self.psi - self.all_psi_k[k], lag_mode), exclude_self_effects and lag_mode == "absmax")
+            if exclude_k:
+                parts[k, :] = parts[:, k] = np.ma.masked
+            found.append(float(np.ma.filled(parts.mean(), 0.0)))
+        return np.array(found)
+
+    def get_ace(self, i: int, lag_mode: LagMode = "absmax", exclude_i: bool = True) -> float:
+        """That of `get_all_ace` of one variable."""
+        return float(self.get_all_ace(lag_mode, exclude_i)[i])
+
+    def get_acs(self, j: int, lag_mode: LagMode = "absmax", exclude_j: bool = True) -> float:
+        """That of `get_all_acs` of one variable."""
+        return float(self.get_all_acs(lag_mode, exclude_j)[j])
+
+    def get_amce(self, k: int, lag_mode: LagMode = "absmax", exclude_k: bool = True, exclude_self_effects: bool = True) -> float:
+        """That of `get_all_amce` of one variable."""
+        return float(self.get_all_amce(lag_mode, exclude_k, exclude_self_effects)[k])
+
+
+def _effects(phi: NDArray[np.float64]) -> NDArray[np.float64]:
+    at_once = np.linalg.inv(np.eye(phi.shape[1]) - phi[0])
+    psi = np.zeros(phi.shape)
+    psi[0] = at_once
+    for tau in range(1, len(phi)):
+        psi[tau] = at_once @ sum(phi[s] @ psi[tau - s] for s in range(1, tau + 1))
+    return psi
+
+
+def _over_lags(effects: NDArray[np.float64], lag_mode: str) -> NDArray[np.float64]:
+    if lag_mode not in ("absmax", "all_lags"):
+        raise SettingError(f"setting 'lag_mode': '{lag_mode}' is unknown; allowed: absmax, all_lags")
+    sizes = np.abs(effects)
+    return np.asarray(sizes.max(axis=0) if lag_mode == "absmax" else sizes.mean(axis=0))
+
+
+def _mean(effects: NDArray[np.float64], without_self: bool) -> np.ma.MaskedArray[Any, Any]:
+    return np.ma.array(effects, mask=np.eye(len(effects), dtype=bool) & without_self)
