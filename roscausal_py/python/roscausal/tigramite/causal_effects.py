@@ -44,7 +44,7 @@ class CausalEffects:
         >>> graph = CausalEffects.get_graph_from_dict({0: [], 1: [(0, -1)], 2: [(0, -1), (1, -1)]})
         >>> effects = CausalEffects(graph, graph_type="stationary_dag", X=[(1, -1)], Y=[(2, 0)])
         >>> effects.get_optimal_set()
-        [(0, -1), (0, -2)]
+        [(0, -1)]
         >>> effects.fit_wright_effect(pp.DataFrame(x)).predict_wright_effect(np.array([[0.0], [2.0]])).round(0).tolist()
         [[0.0], [1.0]]
     """
@@ -136,7 +136,9 @@ class CausalEffects:
             return np.array([along(self.Y[0], cause, without) for cause in self.X])
 
         known: dict[tuple[Node, Node], float] = {}
-        if mediation == "direct":
+        if isinstance(mediation, str):
+            if mediation != "direct":
+                raise SettingError(f"setting 'mediation': '{mediation}' is unknown; give direct, or nodes [(i, -lag), ..]")
             self._wright = effects(self.M)
         else:
             self._wright = effects(set()) - (0.0 if mediation is None else effects({(int(i), int(lag)) for i, lag in mediation}))

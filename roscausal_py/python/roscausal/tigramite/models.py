@@ -120,7 +120,7 @@ class LinearMediation:
                 found.append(getattr(self, function)(**function_args))
         finally:
             self._follow(whole)
-        return np.quantile(found, [(1 - conf_lev) / 2, (1 + conf_lev) / 2], axis=0)
+        return np.asarray(np.quantile(found, [(1 - conf_lev) / 2, (1 + conf_lev) / 2], axis=0))
 
     def _around(self, *mediators: int | Sequence[int]) -> NDArray[np.float64]:
         cut = self.phi.copy()
@@ -171,11 +171,11 @@ class LinearMediation:
 
     def get_all_ace(self, lag_mode: LagMode = "absmax", exclude_i: bool = True) -> NDArray[np.float64]:
         """Average causal effect of each variable: the mean, over the variables, of its largest effect ("absmax"), or over the lags."""
-        return _mean(_over_lags(self.psi, lag_mode), exclude_i).mean(axis=0).filled(0.0)
+        return np.ma.filled(_mean(_over_lags(self.psi, lag_mode), exclude_i).mean(axis=0), 0.0)
 
     def get_all_acs(self, lag_mode: LagMode = "absmax", exclude_j: bool = True) -> NDArray[np.float64]:
         """Average causal susceptibility of each variable: the same mean of the effects on it."""
-        return _mean(_over_lags(self.psi, lag_mode), exclude_j).mean(axis=1).filled(0.0)
+        return np.ma.filled(_mean(_over_lags(self.psi, lag_mode), exclude_j).mean(axis=1), 0.0)
 
     def get_all_amce(
         self, lag_mode: LagMode = "absmax", exclude_k: bool = True, exclude_self_effects: bool = True
