@@ -14,10 +14,14 @@ mod world;
 use world::{Found, Stamps, Tracker, run};
 
 /// Intervals of the tracker and steps between rows, seconds.
-const STEPS: [(f64, f64); 10] = [
+const STEPS: [(f64, f64); 14] = [
     (0.2, 0.2),
     (0.1, 0.1),
     (0.04, 0.04),
+    (1.0 / 7.0, 0.2),
+    (1.0 / 12.0, 0.1),
+    (1.0 / 15.0, 0.1),
+    (0.04, 0.05),
     (0.2, 0.3),
     (0.1, 0.2),
     (0.2, 0.5),

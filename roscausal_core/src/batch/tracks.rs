@@ -19,9 +19,8 @@ const TOGETHER: usize = 3;
 const OFTEN: f64 = 1.2;
 /// ... a row whose value would reach farther ahead has lost its sample. Steps.
 const FARTHEST_AHEAD: f64 = 0.3;
-/// Where samples come once or twice a row, give or take the first share, one within the second share of an interval is the row's.
-const A_ROW: f64 = 0.1;
-const NEAR: f64 = 0.25;
+/// Where samples come about as often as rows (so that a third more would be lost), and not so often that they are held, rows are made at samples. Steps.
+const A_ROW: f64 = 1.35;
 /// Where samples usually come so often, in steps, or more often, held ones are young enough.
 const OFTEN_TO_HOLD: f64 = 0.42;
 
@@ -254,17 +253,19 @@ impl Track {
         (t1 - t0 <= max_gap).then(|| before.towards(next, (t - t0) as f64 / (t1 - t0) as f64))
     }
 
-    /// The moment at which the row at `t` is best made, `dt` after the row before, where samples usually come once or twice a row: the
-    /// stamp of a sample near it, or `t`. A line between two would mix the row with the next one, as much as its sample is early.
-    pub(super) fn moment(&self, t: i64, dt: i64, sampling: Sampling) -> Option<i64> {
-        let usual = self.steps(dt)?;
-        let is_regular = [1.0, 2.0].iter().any(|a_row| (usual * a_row - 1.0).abs() <= A_ROW);
-        if sampling == Sampling::Hold || !is_regular {
-            return None;
-        }
+    /// Whether rows in steps of `dt` are best made at samples. A line between two would mix each row with the next one, as much as its
+    /// sample is early.
+    pub(super) fn makes_rows(&self, dt: i64, sampling: Sampling) -> bool {
+        sampling != Sampling::Hold
+            && self.steps(dt).is_some_and(|steps| (OFTEN_TO_HOLD..=A_ROW).contains(&steps))
+    }
+
+    /// The stamp of the sample nearest to the row at `t`, if it is within half a step.
+    pub(super) fn nearest(&self, t: i64, dt: i64) -> Option<i64> {
         let stamps = self.around(t).into_iter().flatten().map(|(stamp, _)| *stamp);
-        let nearest = stamps.min_by_key(|stamp| stamp.abs_diff(t))?;
-        Some(if nearest.abs_diff(t) as f64 <= NEAR * usual * dt as f64 { nearest } else { t })
+        stamps
+            .min_by_key(|stamp| stamp.abs_diff(t))
+            .filter(|stamp| 2 * stamp.abs_diff(t) <= dt.unsigned_abs())
     }
 
     /// What a row holds that is made at `t`, `dt` after the row before: the values at `t`, as in [`Self::at`]. Where samples come as
@@ -305,7 +306,7 @@ impl Track {
         let mut intervals: Vec<i64> =
             self.past.iter().zip(self.past.iter().skip(TOGETHER)).map(over).collect();
         intervals.sort_unstable();
-        intervals.get(INTERVALS / 3).copied().filter(|_| intervals.len() == INTERVALS)
+        intervals.get(intervals.len() / 3).copied().filter(|_| intervals.len() >= INTERVALS / 3)
     }
 
     /// The last sample that is not later than `t`, and the one after it.
@@ -386,7 +387,7 @@ mod tests {
             seen.insert(100 * number + 12 * (number % 3 - 1), values(number as f64, 0.0, 0.0));
         }
         let row = |seen: &Track, t, dt| {
-            let moment = seen.moment(t, dt, Sampling::Linear).unwrap_or(t);
+            let moment = if seen.makes_rows(dt, Sampling::Linear) { seen.nearest(t, dt)? } else { t };
             seen.row(moment, dt, 500, Sampling::Linear).map(|values| values.x)
         };
         assert_ne!(row(&seen, 2400, 100), Some(24.0), "nothing is usual yet");

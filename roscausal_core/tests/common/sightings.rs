@@ -30,7 +30,7 @@ const ID: u64 = 7;
 /// Odometry and poses for each row.
 const ROBOT_MESSAGES: f64 = 5.0;
 /// Before the first stamp, so that no stamp is 0. Seconds.
-const BEGIN_S: f64 = 100.0;
+const BEGIN_S: f64 = 120.0;
 
 /// What the stamps of a jittering tracker are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -200,8 +200,9 @@ fn messages(tracker: &Tracker, exact: &Speeds, random: &mut Random) -> Vec<Messa
     let interval = tracker.dt_s / ROBOT_MESSAGES;
     let mut messages: Vec<Message> =
         (0..(length / interval) as u32).map(|number| (f64::from(number) * interval, None)).collect();
+    let phase = random.share();
     for number in 1..(length / tracker.interval_s) as u32 {
-        let even = f64::from(number) * tracker.interval_s;
+        let even = (f64::from(number) + phase) * tracker.interval_s;
         let (jitter, kept) =
             (tracker.jitter_s * (2.0 * random.share() - 1.0), random.share() >= tracker.lost);
         let stamp = even + jitter;

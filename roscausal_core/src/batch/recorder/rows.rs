@@ -24,7 +24,7 @@ impl Recorder {
     /// Writes the row at this stamp, in nanoseconds, to the open batch, or opens one if there is anything to begin with.
     pub(super) fn record(&mut self, row: i64) {
         let moments = self.moments(row);
-        let moment = mean(moments.values().copied()).unwrap_or(row);
+        let moment = mean(moments.values().flatten()).unwrap_or(row);
         let max_gap = self.max_gap_ns;
         let sampling = match self.config.sampling {
             // What is held of one is older than what lies on a line of another.
@@ -36,8 +36,10 @@ impl Recorder {
         let at = |track: &Track, moment| track.row(moment, self.dt_ns, max_gap, sampling);
         let of = |track: &Track| at(track, moment);
         let robot = of(&self.robot);
-        let person =
-            |(id, track): (&u32, &Track)| Some((*id, at(track, moments.get(id).copied().unwrap_or(moment))?));
+        let person = |(id, track): (&u32, &Track)| {
+            let moment = moments.get(id).copied().unwrap_or(Some(moment))?;
+            Some((*id, at(track, moment)?))
+        };
         let people: Vec<(u32, Values)> = self.people.iter().filter_map(person).collect();
         let others: Vec<(String, Values)> = self
             .others
@@ -117,11 +119,12 @@ impl Recorder {
         }
     }
 
-    /// Whom the row at this stamp takes at the moment of their sighting, because one comes about once a row. All else in the row is of that
-    /// moment too (people are seen together, mostly), so that nobody's values are ahead of another's.
-    fn moments(&self, row: i64) -> BTreeMap<u32, i64> {
-        let moment = |track: &Track| track.moment(row, self.dt_ns, self.config.sampling);
-        self.people.iter().filter_map(|(id, track)| Some((*id, moment(track)?))).collect()
+    /// When those are seen nearest to the row at this stamp whose sightings make rows, if they are. All else in the row is of that moment too
+    /// (people are seen together, mostly), so that nobody's values are ahead of another's.
+    fn moments(&self, row: i64) -> BTreeMap<u32, Option<i64>> {
+        let makes_rows = |track: &Track| track.makes_rows(self.dt_ns, self.config.sampling);
+        let people = self.people.iter().filter(|(_, track)| makes_rows(track));
+        people.map(|(id, track)| (*id, track.nearest(row, self.dt_ns))).collect()
     }
 
     /// Ends the open batch: the nearest people are chosen, and empty rows at its end are left out.
@@ -171,9 +174,9 @@ impl Recorder {
 }
 
 /// The mean of stamps, if there is any.
-fn mean(stamps: impl ExactSizeIterator<Item = i64>) -> Option<i64> {
-    let count = stamps.len() as i128;
-    (count > 0).then(|| (stamps.map(i128::from).sum::<i128>() / count) as i64)
+fn mean<'a>(stamps: impl Iterator<Item = &'a i64>) -> Option<i64> {
+    let (sum, count) = stamps.fold((0, 0), |(sum, count), stamp| (sum + i128::from(*stamp), count + 1));
+    (count > 0).then(|| (sum / count) as i64)
 }
 
 /// Where the nearest people are to be recorded: how many, and who they are in this row.
