@@ -146,8 +146,7 @@ static GROUPED: LazyLock<clap::Command> = LazyLock::new(|| {
     let has_groups = |sub: &&clap::Command| {
         !sub.has_subcommands() && sub.get_arguments().any(|arg| arg.get_help_heading().is_some())
     };
-    let grouped = WRITTEN.get_subcommands().filter(has_groups).map(grouped);
-    grouped.fold(WRITTEN.clone(), |command, sub| {
+    WRITTEN.get_subcommands().filter(has_groups).map(grouped).fold(WRITTEN.clone(), |command, sub| {
         let name = sub.get_name().to_owned();
         command.mut_subcommand(name, |_| sub)
     })

@@ -153,9 +153,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         return explain(args, interrupt);
     }
     let results = Results::wanted(args.out.as_deref(), args.force, &args.files)?;
-    if let Some(results) = &results {
-        interrupt.remove_at_end(results.temporary());
-    }
+    results.iter().for_each(|results| interrupt.remove_at_end(results.temporary()));
     if let Some(file) = &args.result.resample_out {
         output::claim_file(file, RESAMPLE_MARK, args.force)?;
     }

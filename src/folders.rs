@@ -51,8 +51,7 @@ impl Folders {
     /// Empty folders of a run with results in `out`. If the process is ended at once, what is recorded is kept.
     pub(crate) fn begin(out: &Path, reads: &[PathBuf], interrupt: &Interrupt) -> Result<Self> {
         let results = Results::begin(out, None, reads)?;
-        let dir = results.folder();
-        let folders = Self::in_dir(dir, out, Arc::new(Mutex::new(Some(results))));
+        let folders = Self::in_dir(results.folder(), out, Arc::new(Mutex::new(Some(results))));
         for folder in [&folders.raw, &folders.processed, &folders.models] {
             fs::create_dir_all(folder).map_err(|e| folders.named(Error::file(folder, e)))?;
         }
@@ -197,6 +196,5 @@ pub(crate) fn read_evidence(path: &Path) -> Result<Option<Evidence>> {
     if !path.exists() {
         return Ok(None);
     }
-    let text = bounded::read(path, bounded::MODEL)?;
-    Evidence::from_json(&text).map(Some).map_err(|e| Error::file(path, e))
+    Evidence::from_json(&bounded::read(path, bounded::MODEL)?).map(Some).map_err(|e| Error::file(path, e))
 }

@@ -3,7 +3,10 @@
 use std::{fs, io::Read, path::Path};
 
 use ndarray::ArrayView2;
-use roscausal_core::{Error, Result, batch::pool::write_whole};
+use roscausal_core::{
+    Error, Result,
+    batch::pool::{folder_of, write_whole},
+};
 use roscausal_discovery::{Model, draw};
 
 use crate::export;
@@ -152,10 +155,6 @@ pub(crate) fn write_at(file: &Path, bytes: &[u8]) -> Result<()> {
         return fs::write(file, bytes).map_err(|e| Error::file(file, e));
     }
     write_file(folder_of(file), &file.file_name().unwrap_or_default().to_string_lossy(), bytes)
-}
-
-fn folder_of(file: &Path) -> &Path {
-    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Copies a batch and its metadata into `dir`.

@@ -22,7 +22,7 @@ use std::{
 };
 
 use clap::{Arg, ArgMatches, Command, parser::ValueSource};
-use roscausal_core::{Error, Result, params::nearest};
+use roscausal_core::{Error, Result, batch::pool::folder_of, params::nearest};
 use roscausal_discovery::{independence_tests::Significance, methods::Method, settings::setting};
 use toml::{Table, Value};
 
@@ -229,11 +229,8 @@ fn stated(file: &Path, known: &[String]) -> Result<Option<Found>> {
 
 /// The folders whose settings came with these data: that of a file; a folder itself, and the one that it lies in.
 fn folders_beside(data: &[&Path]) -> Vec<PathBuf> {
-    let parent = |path: &Path| {
-        path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned()
-    };
-    let of = |path: &&Path| path.is_dir().then(|| path.to_path_buf()).into_iter().chain([parent(path)]);
-    data.iter().flat_map(of).collect()
+    let own = |path: &&Path| path.is_dir().then(|| path.to_path_buf());
+    data.iter().flat_map(|path| own(path).into_iter().chain([folder_of(path).to_owned()])).collect()
 }
 
 /// The settings that came with these data, as far as data may decide them.

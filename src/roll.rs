@@ -84,9 +84,7 @@ enum Format {
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     interrupt.nothing_at_stake("what was printed is all there is");
     let results = Results::wanted(args.out.as_deref(), args.force, &args.files)?;
-    if let Some(results) = &results {
-        interrupt.remove_at_end(results.temporary());
-    }
+    results.iter().for_each(|results| interrupt.remove_at_end(results.temporary()));
     let resampling = args.resample.asked()?;
     let windows = args.windows();
     let (data, settings, dt) = discover::read(&args.files, &args.how, args.seed, interrupt)?;

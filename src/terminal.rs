@@ -131,8 +131,7 @@ pub(crate) fn print_json(text: &str) {
 /// Prints to the standard output, at once.
 fn print(text: &str) {
     let mut out = io::stdout().lock();
-    let done = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-    if let Err(error) = done.or_else(ignore_gone) {
+    if let Err(error) = out.write_all(text.as_bytes()).and_then(|()| out.flush()).or_else(ignore_gone) {
         let _ = FAULT.set(error.to_string());
     }
 }

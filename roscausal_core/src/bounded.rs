@@ -57,10 +57,7 @@ pub fn read_settings(path: &Path) -> Result<String> {
 /// # Errors
 /// As these.
 pub fn read_setting(path: &Path, ending: &str) -> Result<String> {
-    match ending {
-        "toml" => read_settings(path),
-        _ => read_text(path, MODEL),
-    }
+    if ending == "toml" { read_settings(path) } else { read_text(path, MODEL) }
 }
 
 /// What a JSON file of settings holds.

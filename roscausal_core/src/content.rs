@@ -37,15 +37,18 @@ const PACKED: [(&[u8], &str, &str); 18] = [
 /// assert_eq!(roscausal_core::content::not_data(b"time,h_v\n0,1\n"), None);
 /// ```
 pub fn not_data(first: &[u8]) -> Option<String> {
+    let told = |text: &str| Some(text.to_owned());
     let has = |name: &[u8]| first.windows(name.len()).take(1 << 16).any(|window| window == name);
     if first.starts_with(b"PK\x03\x04") && (has(b"[Content_Types].xml") || has(b"xl/work")) {
-        return Some("the file is an Excel workbook; save its sheet as CSV, such as with pandas' read_excel and to_csv".to_owned());
+        return told(
+            "the file is an Excel workbook; save its sheet as CSV, such as with pandas' read_excel and to_csv",
+        );
     }
     if let Some((_, what, way)) = PACKED.iter().find(|(magic, ..)| first.starts_with(magic)) {
         return Some(format!("the file is {what}; {way}"));
     }
     if first.get(257..262) == Some(b"ustar") {
-        return Some("the file is a tar archive; unpack it with 'tar xf'".to_owned());
+        return told("the file is a tar archive; unpack it with 'tar xf'");
     }
     let text = String::from_utf8_lossy(&first[..first.len().min(NEEDED)]);
     let text = text.trim_start_matches('\u{feff}').trim_start();
@@ -57,13 +60,11 @@ pub fn not_data(first: &[u8]) -> Option<String> {
         ));
     }
     if (!text.contains('\n') && text.contains("annex/objects/")) || text.starts_with("/annex/objects/") {
-        return Some("this is a git-annex pointer, not the file; get it with 'git annex get'".to_owned());
+        return told("this is a git-annex pointer, not the file; get it with 'git annex get'");
     }
     let lower = text.to_lowercase();
     if lower.lines().any(|line| line.starts_with("@relation") || line.starts_with("@attribute")) {
-        return Some(
-            "this is an ARFF file; write CSV with scipy.io.arff.loadarff and pandas' to_csv".to_owned(),
-        );
+        return told("this is an ARFF file; write CSV with scipy.io.arff.loadarff and pandas' to_csv");
     }
     if ["<!doctype html", "<html", "<head"].iter().any(|start| lower.starts_with(start)) {
         let way =
@@ -71,14 +72,11 @@ pub fn not_data(first: &[u8]) -> Option<String> {
         return Some(format!("this is a web page, not data; {way}"));
     }
     if lower.starts_with("<?xml") {
-        return Some(
-            "this is an XML document, not data; a server may have answered with an error".to_owned(),
-        );
+        return told("this is an XML document, not data; a server may have answered with an error");
     }
     if text.starts_with('{') || text.starts_with("[{") {
-        return Some(
-            "this is JSON, not a table; a model is printed by 'roscausal show', and pandas' read_json and to_csv make a table of rows"
-                .to_owned(),
+        return told(
+            "this is JSON, not a table; a model is printed by 'roscausal show', and pandas' read_json and to_csv make a table of rows",
         );
     }
     None

@@ -16,7 +16,7 @@ use std::{
 use roscausal_discovery::{Control, FoundBy, LinkMark, Matrices, Model, Settings};
 use serde::Deserialize;
 
-use crate::{Error, Result, params::nearest};
+use crate::{Error, Result, grammar::Parsed, params::nearest};
 
 /// The most that a program may print, in bytes.
 const MAX_OUTPUT: u64 = 64 << 20;
@@ -132,7 +132,7 @@ fn wait(child: &mut Child, program: &Path, control: &Control) -> Result<()> {
     }
 }
 
-fn model(answer: Answer, method: String, settings: &Settings) -> std::result::Result<Model, String> {
+fn model(answer: Answer, method: String, settings: &Settings) -> Parsed<Model> {
     let n = answer.features.len();
     check_shape("val_matrix", &answer.val_matrix, n, settings.tau_max)?;
     check_shape("p_matrix", &answer.p_matrix, n, settings.tau_max)?;
@@ -157,12 +157,7 @@ fn model(answer: Answer, method: String, settings: &Settings) -> std::result::Re
     Ok(model)
 }
 
-fn check_shape<T>(
-    name: &str,
-    matrix: &[Vec<Vec<T>>],
-    n: usize,
-    tau_max: usize,
-) -> std::result::Result<(), String> {
+fn check_shape<T>(name: &str, matrix: &[Vec<Vec<T>>], n: usize, tau_max: usize) -> Parsed<()> {
     let fits = matrix.len() == n
         && matrix.iter().all(|row| row.len() == n && row.iter().all(|lags| lags.len() == tau_max + 1));
     if fits { Ok(()) } else { Err(format!("its {name} is not {n} x {n} x {} numbers", tau_max + 1)) }

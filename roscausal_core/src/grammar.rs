@@ -4,6 +4,7 @@
 /// Deepest nesting of brackets.
 const DEEPEST: usize = 50;
 
+/// What was read, or what is wrong with it in words.
 pub(crate) type Parsed<T> = Result<T, String>;
 
 /// An arithmetic operation or a comparison.

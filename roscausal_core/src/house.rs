@@ -90,11 +90,8 @@ type Ends = ([[f64; 2]; 2], [Option<f64>; 2]);
 /// away from all places and arcs, and where nothing was recorded.
 pub fn costs(map: &Map, known: &Known, hour: f64, resolution: f64) -> OccupancyGrid {
     let extent = |axis: usize| {
-        let (low, high) = map
-            .places
-            .iter()
-            .map(|place| place.at[axis])
-            .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
+        let at = map.places.iter().map(|place| place.at[axis]);
+        let (low, high) = at.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
         (low - MARGIN, high - low + 2.0 * MARGIN)
     };
     let ((x, wide), (y, high)) = (extent(0), extent(1));

@@ -9,6 +9,9 @@ const MOST_ACTIONS: usize = 8;
 const MOST_STEPS: u32 = 100;
 const LONGEST_NAME: usize = 200;
 
+/// What was read of a question, or why it is refused.
+pub(crate) type Parsed<T> = Result<T, &'static str>;
+
 /// What a reader asks.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Question {
@@ -25,7 +28,7 @@ pub(crate) struct Asked {
 impl Question {
     /// `{"actions": [{"variable": "r_v", "value": 0.4}, ...], "cost": {"variable": "h_risk", "weight": 1}, "horizon": 10}`: what if each
     /// variable were set to the value, beside going on. Without a horizon, or with 0, it is the node's.
-    pub(crate) fn what_if(text: &str) -> std::result::Result<Self, &'static str> {
+    pub(crate) fn what_if(text: &str) -> Parsed<Self> {
         let json: Json = serde_json::from_str(text).map_err(|_| "The question is not JSON.\n")?;
         let actions = json["actions"].as_array().ok_or("The question has no list of actions.\n")?;
         if actions.len() > MOST_ACTIONS {
@@ -51,7 +54,7 @@ impl Question {
     }
 
     /// `{"variable": "h_v"}`: why did it change, by the largest change of late?
-    pub(crate) fn explain(text: &str) -> std::result::Result<Self, &'static str> {
+    pub(crate) fn explain(text: &str) -> Parsed<Self> {
         let json: Json = serde_json::from_str(text).map_err(|_| "The question is not JSON.\n")?;
         let variable = name(&json)?;
         Ok(Self::Explain(ExplainRequest { variable, from_time: Time::ZERO, to_time: Time::ZERO }))
@@ -59,7 +62,7 @@ impl Question {
 }
 
 /// The steps that are asked for; 0 where the question does not say.
-fn horizon(json: &Json) -> std::result::Result<u32, &'static str> {
+fn horizon(json: &Json) -> Parsed<u32> {
     if json.is_null() {
         return Ok(0);
     }
@@ -70,12 +73,12 @@ fn horizon(json: &Json) -> std::result::Result<u32, &'static str> {
     Ok(steps.min(f64::from(MOST_STEPS)) as u32)
 }
 
-fn name(json: &Json) -> std::result::Result<String, &'static str> {
+fn name(json: &Json) -> Parsed<String> {
     let name = json["variable"].as_str().filter(|name| !name.is_empty() && name.len() <= LONGEST_NAME);
     name.map(str::to_owned).ok_or("The question names no variable.\n")
 }
 
-fn term(json: &Json, number: &str) -> std::result::Result<(String, f64), &'static str> {
+fn term(json: &Json, number: &str) -> Parsed<(String, f64)> {
     let value = json[number].as_f64().filter(|value| value.is_finite()).ok_or("A number is missing.\n")?;
     Ok((name(json)?, value))
 }

@@ -27,7 +27,7 @@ use serde_json::{Value as Json, json};
 use tokio::sync::{Semaphore, oneshot};
 
 use crate::{
-    asked::{Asked, Question},
+    asked::{Asked, Parsed, Question},
     connections::{self, Limits, Streams},
     guard::{self, Guard},
     hub::{Frame, Hub, Keep},
@@ -228,14 +228,12 @@ async fn scene(State(hub): State<Hub>, uri: Uri) -> Response {
     let Some(t) = asked(&uri, "t").filter(|t: &f64| t.is_finite()) else {
         return (StatusCode::BAD_REQUEST, "Say which moment: /scene?t=SECONDS.\n").into_response();
     };
-    let scene = hub.history().scene(t, asked(&uri, "person"));
-    as_json(&scene)
+    as_json(&hub.history().scene(t, asked(&uri, "person")))
 }
 
 /// The variables over the whole run, for `person`.
 async fn series(State(hub): State<Hub>, uri: Uri) -> Response {
-    let series = hub.history().series(asked(&uri, "person"));
-    as_json(&series)
+    as_json(&hub.history().series(asked(&uri, "person")))
 }
 
 /// The pictures of the model `number`, with what has vanished since the one before; null if it is not kept or too large.
@@ -272,12 +270,7 @@ fn elsewhere(headers: &HeaderMap) -> Option<Response> {
 }
 
 /// Passes a question on to the reasoning node and waits for its answer.
-async fn ask(
-    hub: &Hub,
-    headers: &HeaderMap,
-    uri: &Uri,
-    parse: fn(&str) -> std::result::Result<Question, &'static str>,
-) -> Response {
+async fn ask(hub: &Hub, headers: &HeaderMap, uri: &Uri, parse: fn(&str) -> Parsed<Question>) -> Response {
     if let Some(refused) = elsewhere(headers) {
         return refused;
     }

@@ -113,8 +113,7 @@ impl World {
         for status in message.status {
             let level_before = self.nodes.get(&status.name).map(|before| before.level);
             if level_before != Some(status.level) && (level_before.is_some() || status.level != 0) {
-                let text = format!("{}: {}", status.name, status.message);
-                self.tell(hub, &text, json!({"kind": "health"}));
+                self.tell(hub, &format!("{}: {}", status.name, status.message), json!({"kind": "health"}));
             }
             self.nodes.insert(status.name.clone(), status);
         }

@@ -160,7 +160,7 @@ impl Simulation {
     /// Moves everybody by one step. All of them see the same moment.
     pub fn step(&mut self) {
         if let (Some(day), [robot]) = (&mut self.day, &mut self.robots[..]) {
-            day.step((STEP, self.steps), &self.world, robot, &mut self.crowd);
+            day.step(STEP, self.steps, &self.world, robot, &mut self.crowd);
             self.steps += 1;
             return;
         }

@@ -67,8 +67,7 @@ impl World {
 
     /// The nearest point of any wall; `None` without walls.
     pub fn nearest_wall_point(&self, p: Vec2) -> Option<Vec2> {
-        let points = self.walls.iter().map(|wall| wall.nearest(p));
-        points.min_by(|a, b| a.distance(p).total_cmp(&b.distance(p)))
+        self.walls.iter().map(|wall| wall.nearest(p)).min_by(|a, b| a.distance(p).total_cmp(&b.distance(p)))
     }
 
     /// Distance from the nearest wall; infinite without walls.

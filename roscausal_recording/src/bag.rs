@@ -31,8 +31,7 @@ impl Bag {
         if let Err(reason) = bag.read_index() {
             bag.0.topics = Topics::default();
             bag.0.numbers.clear();
-            let lost = bag.scan();
-            let end = lost.map_or(String::new(), |fault| format!("; what is whole was read: {fault}"));
+            let end = bag.scan().map_or(String::new(), |fault| format!("; what is whole was read: {fault}"));
             losses.push(format!("{}: the bag has no valid index ({reason}){end}", path.display()));
         }
         find_laps(&mut bag);
@@ -81,39 +80,30 @@ impl Bag {
         {
             return Err("connections or chunks are missing from it".into());
         }
-        self.count(&counts);
+        self.0.count(counts);
         self.0.begin(pieces);
         Ok(())
     }
 
     /// Topics and chunks from the chunks themselves. Returns what is wrong, if anything.
     fn scan(&mut self) -> Option<String> {
-        let (mut pieces, mut counts) = (Vec::new(), BTreeMap::new());
-        let (mut faults, mut start) = (Vec::new(), MAGIC_LENGTH);
+        let (mut scan, mut start) = (Scan::default(), MAGIC_LENGTH);
         // Whatever is damaged, the next chunk begins anew.
-        while let Err(fault) = self.scan_from(start, &mut pieces, &mut counts, &mut faults) {
-            faults.push(fault);
-            match self.next_chunk(self.0.file.offset.max(start + 1)) {
-                Some(offset) => start = offset,
-                None => break,
-            }
+        while let Err(fault) = self.scan_from(start, &mut scan) {
+            scan.faults.push(fault);
+            let Some(offset) = self.next_chunk(self.0.file.offset.max(start + 1)) else { break };
+            start = offset;
         }
-        self.count(&counts);
-        self.0.begin(pieces);
-        some_of(&faults)
+        self.0.count(scan.counts);
+        self.0.begin(scan.pieces);
+        some_of(&scan.faults)
     }
 
     /// Reads records from `start` on. A chunk that is damaged is a fault, and the next one is read.
     ///
     /// # Errors
     /// Why there is no next record.
-    fn scan_from(
-        &mut self,
-        start: u64,
-        pieces: &mut Vec<Piece>,
-        counts: &mut BTreeMap<u32, u64>,
-        faults: &mut Vec<String>,
-    ) -> Parsed<()> {
+    fn scan_from(&mut self, start: u64, scan: &mut Scan) -> Parsed<()> {
         self.0.seek(start)?;
         while self.0.file.left() > 0 {
             let offset = self.0.file.offset;
@@ -127,7 +117,7 @@ impl Bag {
                     // Its length may be the damage.
                     if whole || self.next_chunk(begin).is_none() {
                         self.0.seek(begin)?;
-                        self.scan_chunk((offset, length), &header, pieces, counts, faults);
+                        self.scan_chunk((offset, length), &header, scan);
                     }
                     self.0.seek(if whole { next } else { begin })?;
                     if !whole {
@@ -151,17 +141,10 @@ impl Bag {
         Ok(())
     }
 
-    fn scan_chunk(
-        &mut self,
-        (offset, length): (u64, u64),
-        header: &Fields,
-        pieces: &mut Vec<Piece>,
-        counts: &mut BTreeMap<u32, u64>,
-        faults: &mut Vec<String>,
-    ) {
+    fn scan_chunk(&mut self, (offset, length): (u64, u64), header: &Fields, scan: &mut Scan) {
         let (chunk, mut fault) = match self.chunk(offset, length, header) {
             Ok(chunk) => chunk,
-            Err(fault) => return faults.push(fault),
+            Err(fault) => return scan.faults.push(fault),
         };
         let mut span = Span::default();
         let parsed = records(&chunk, |header, data| {
@@ -170,7 +153,7 @@ impl Bag {
                 Some(op::MESSAGE) => {
                     let (connection, stamp) = header.message()?;
                     span.add(stamp);
-                    *counts.entry(connection).or_insert(0) += 1;
+                    *scan.counts.entry(connection).or_insert(0) += 1;
                 }
                 _ => (),
             }
@@ -180,24 +163,14 @@ impl Bag {
             fault.get_or_insert(format!("the chunk at byte {offset}: {reason}"));
         }
         if let Some((start, end)) = span.0 {
-            pieces.push(Piece { offset, length: 0, start, end, cut: fault.is_some(), lap: 0 });
+            scan.pieces.push(Piece { offset, length: 0, start, end, cut: fault.is_some(), lap: 0 });
         }
-        faults.extend(fault);
+        scan.faults.extend(fault);
     }
 
     /// Where the next chunk begins, at `from` or later, if there is one.
     fn next_chunk(&mut self, from: u64) -> Option<u64> {
         next_place(&mut self.0.file, from, |bytes, _| is_chunk(bytes))
-    }
-
-    fn count(&mut self, counts: &BTreeMap<u32, u64>) {
-        self.0.topics.iter_mut().for_each(|topic| topic.messages = Some(0));
-        for (connection, count) in counts {
-            if let Some(topic) = self.0.numbers.get(connection) {
-                let messages = &mut self.0.topics[*topic].messages;
-                *messages = messages.map(|messages| messages.saturating_add(*count));
-            }
-        }
     }
 
     fn add_connection(&mut self, header: &Fields<impl AsRef<[u8]>>, data: &[u8]) -> Parsed<()> {
@@ -265,6 +238,15 @@ impl Bag {
     fn header(&mut self) -> Parsed<Fields<Vec<u8>>> {
         self.block().map(Fields)
     }
+}
+
+/// What the chunks of a bag hold.
+#[derive(Default)]
+struct Scan {
+    pieces: Vec<Piece>,
+    /// Messages of each connection.
+    counts: BTreeMap<u32, u64>,
+    faults: Vec<String>,
 }
 
 impl Format for Bag {

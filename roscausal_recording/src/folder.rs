@@ -218,8 +218,7 @@ impl Source for Folder {
     }
 
     fn span(&self) -> Option<(Time, Time)> {
-        let spans = self.files.iter().filter_map(|file| file.source.span());
-        spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+        self.files.iter().filter_map(|file| file.source.span()).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
     }
 
     fn progress(&self) -> f64 {

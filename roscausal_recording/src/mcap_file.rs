@@ -45,8 +45,7 @@ impl McapFile {
             Ok(_) => None,
             Err(reason) => Some(reason),
         };
-        let faults = this.scan();
-        if let Some(reason) = some_of(&faults).or(reason) {
+        if let Some(reason) = some_of(&this.scan()).or(reason) {
             losses.push(format!(
                 "{}: the file is damaged or was not closed; what is whole was read ({reason})",
                 path.display()
@@ -144,17 +143,10 @@ impl McapFile {
         while let Err(fault) = self.scan_from(start, &mut scan) {
             scan.plain.close(scan.end, &mut scan.pieces);
             scan.faults.push(fault);
-            match self.next_chunk(scan.end + 1) {
-                Some(offset) => start = offset,
-                None => break,
-            }
+            let Some(offset) = self.next_chunk(scan.end + 1) else { break };
+            start = offset;
         }
-        for (channel, count) in scan.counts {
-            if let Some(topic) = self.contents.numbers.get(&channel) {
-                let messages = &mut self.contents.topics[*topic].messages;
-                *messages = Some(messages.unwrap_or(0).saturating_add(count));
-            }
-        }
+        self.contents.count(scan.counts);
         self.contents.begin(scan.pieces);
         scan.faults
     }
@@ -295,8 +287,7 @@ impl McapFile {
         whole: bool,
         mut each: impl FnMut(&mut Self, u8, &[u8]) -> Parsed<()>,
     ) -> Parsed<()> {
-        let chunk = Chunk::parse(body)?;
-        let content = chunk.content(whole, &mut self.contents.growth)?;
+        let content = Chunk::parse(body)?.content(whole, &mut self.contents.growth)?;
         records(&content, |opcode, body| each(self, opcode, body))
     }
 

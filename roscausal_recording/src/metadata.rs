@@ -69,8 +69,7 @@ impl Metadata {
     /// How many messages of each topic there should be, if it tells.
     pub(crate) fn counts(&self, topics: &[Topic]) -> Vec<Option<u64>> {
         let count = |topic: &Topic| {
-            let key = (topic.name.clone(), topic.type_name.clone());
-            self.counts.get(&key).copied().max(topic.messages)
+            self.counts.get(&(topic.name.clone(), topic.type_name.clone())).copied().max(topic.messages)
         };
         topics.iter().map(count).collect()
     }

@@ -88,8 +88,7 @@ impl<M: Middleware> TypeVisitor for Advertise<'_, M> {
 
     fn visit<T: Message>(self) -> Self::Output {
         let static_transforms = self.topic.name.trim_start_matches('/') == "tf_static";
-        let latched = self.topic.latched || static_transforms;
-        let qos = if latched { Qos::Latched } else { Qos::Volatile(QUEUE) };
+        let qos = if self.topic.latched || static_transforms { Qos::Latched } else { Qos::Volatile(QUEUE) };
         let publisher = self.mw.advertise::<T>(&self.topic.playable(), qos).map_err(|error| match error {
             Error::Topic { topic, reason } => {
                 Error::Topic { topic, reason: format!("cannot be played: {reason}") }

@@ -150,6 +150,17 @@ impl Contents {
         self.numbers.insert(number, self.topics.add(topic));
     }
 
+    /// Sets how many messages the topics of these numbers have, and that the others have none.
+    pub(crate) fn count(&mut self, counts: impl IntoIterator<Item = (u32, u64)>) {
+        self.topics.iter_mut().for_each(|topic| topic.messages = Some(0));
+        for (number, count) in counts {
+            if let Some(topic) = self.numbers.get(&number) {
+                let messages = &mut self.topics[*topic].messages;
+                *messages = messages.map(|messages| messages.saturating_add(count));
+            }
+        }
+    }
+
     /// Adds a message of the topic with this id in the file, if the topic is wanted.
     pub(crate) fn take(
         &mut self,

@@ -48,8 +48,7 @@ fn term(text: &str) -> Term {
 impl Condition {
     /// The columns in it.
     pub(super) fn columns(&self) -> impl Iterator<Item = &str> {
-        let terms = self.0.iter().flat_map(|(left, _, right)| [left, right]);
-        terms.filter_map(|term| match term {
+        self.0.iter().flat_map(|(left, _, right)| [left, right]).filter_map(|term| match term {
             Term::Column(name) => Some(name.as_str()),
             Term::Number(_) => None,
         })

@@ -127,8 +127,7 @@ impl Analysis {
         request.threads = means.threads.unwrap_or(0);
         request.time_budget = means.time_budget;
         request.settings.test.max_memory = means.max_bytes();
-        let files = method.0.files().map(|(setting, file)| (setting.param, file)).collect();
-        Ok(Self { request, files })
+        Ok(Self { request, files: method.0.files().map(|(setting, file)| (setting.param, file)).collect() })
     }
 
     /// The node's parameters that are set.
@@ -170,8 +169,7 @@ impl MeansArgs {
     pub(crate) fn within_budget(&self, control: Control) -> Result<Control> {
         let Some(budget) = self.time_budget else { return Ok(control) };
         if budget.is_nan() || budget <= 0.0 {
-            let reason = format!("{budget} is not a number of seconds above 0");
-            return Err(Error::param("time_budget", reason));
+            return Err(Error::param("time_budget", format!("{budget} is not a number of seconds above 0")));
         }
         let start = Instant::now();
         Ok(control.out_of_time(move || start.elapsed().as_secs_f64() > budget))

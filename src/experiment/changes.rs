@@ -8,10 +8,7 @@ use std::fmt::Write;
 
 use clap::Args as ClapArgs;
 use ndarray::Array2;
-use roscausal_core::{
-    Error, Result,
-    batch::{Recording, risk::RiskModel},
-};
+use roscausal_core::{Error, Result, batch::Recording};
 use roscausal_discovery::{
     Control,
     changes::{ChangeEvent, Detector, Form, Levels, Status},
@@ -156,7 +153,7 @@ impl Args {
 
     /// What the detector confirms, batch by batch, as the discovery node reads them.
     fn events(&self, batches: &[Recording], seed: u64, interrupt: &Interrupt) -> Result<Vec<ChangeEvent>> {
-        let postprocess = runs::postprocess(RiskModel::default(), 1, RISK_NOISE, seed)?;
+        let postprocess = runs::postprocess(1, RISK_NOISE, seed)?;
         let control = Control::default().cancel_on(interrupt.flag());
         let mut detector: Option<Detector> = None;
         let mut events = Vec::new();

@@ -117,8 +117,7 @@ impl Args {
                     _ => None,
                 };
                 let day = drive(&spec, first + 90, policy, known.as_ref(), interrupt)?;
-                let (porter, close) = (day.porter, day.close_seconds);
-                days.push(Driven { seed, change, policy, porter, close });
+                days.push(Driven { seed, change, policy, porter: day.porter, close: day.close_seconds });
             }
             spec = before;
         }

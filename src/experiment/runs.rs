@@ -98,7 +98,7 @@ impl Common {
         interrupt: &Interrupt,
     ) -> Result<()> {
         let risk_model = setting.risk_model.parse().map_err(|reason| Error::param("risk-models", reason))?;
-        let postprocess = postprocess(risk_model, setting.risk_lag, self.risk_noise, seed)?;
+        let postprocess = Postprocess { risk_model, ..postprocess(setting.risk_lag, self.risk_noise, seed)? };
         let (mut names, mut tables) = (Vec::new(), Vec::new());
         for batch in batches(recording, setting.length)? {
             let mut columns = postprocess.run(&batch)?.columns;
@@ -137,14 +137,10 @@ impl Common {
 }
 
 /// What the data node makes of a recording: the paper's variables.
-pub(super) fn postprocess(
-    risk_model: RiskModel,
-    risk_lag: usize,
-    risk_noise: f64,
-    seed: u64,
-) -> Result<Postprocess> {
+pub(super) fn postprocess(risk_lag: usize, risk_noise: f64, seed: u64) -> Result<Postprocess> {
     let (obs_size, safe_dist, obstacle) = (OBS_SIZE, SAFE_DIST, Obstacle::Robot);
     let features = Feature::defaults(&NAMES.map(str::to_owned))?;
+    let risk_model = RiskModel::default();
     Ok(Postprocess { risk_model, risk_lag, risk_noise, seed, obs_size, safe_dist, obstacle, features })
 }
 

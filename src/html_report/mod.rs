@@ -93,10 +93,7 @@ fn written(
     write(tikz.as_deref(), &|| latex::tikz(&material.model))?;
     let Some(html) = html else { return Ok(()) };
     let links = material.model.links.len();
-    let evidence = match &material.evidence {
-        Some(_) => "",
-        None => "; no evidence was kept beside this model",
-    };
+    let evidence = if material.evidence.is_some() { "" } else { "; no evidence was kept beside this model" };
     let s = if links == 1 { "" } else { "s" };
     tell!("{}: {links} link{s}{evidence}", html.display());
     Ok(())

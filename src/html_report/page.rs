@@ -108,10 +108,7 @@ fn asked(model: &Model, svg: &str) -> String {
                 out.push_str("</a>\n");
                 open = false;
             }
-            None => {
-                out.push_str(line);
-                out.push('\n');
-            }
+            None => out.extend([line, "\n"]),
         }
     }
     out

@@ -50,24 +50,24 @@ fn opened(path: &Path, wanted: impl Fn(&Topic) -> bool) -> Result<(Recording, Ve
 ///
 /// # Errors
 /// A recording that cannot be opened.
-pub(crate) fn measure(
-    path: &Path,
-    pose: &str,
-    odometry: &str,
-    map: &str,
-    tf_topic: &str,
-) -> Result<Coverage> {
-    let wanted = |topic: &Topic| topic.name == pose || topic.name == odometry || is_tf_of(topic, tf_topic);
+pub(crate) fn measure(path: &Path, pose: &str, odometry: &str, map: &str, tf: &str) -> Result<Coverage> {
+    let wanted = |topic: &Topic| topic.name == pose || topic.name == odometry || is_tf_of(topic, tf);
     let (mut recording, topics) = opened(path, wanted)?;
     let (mut by_pose, mut by_odometry) = (Known::default(), Known::default());
-    let (mut waiting, mut tf) = (VecDeque::new(), TfBuffer::default());
+    let mut settle = |transforms: &TfBuffer, (is_pose, stamp, frame): (bool, Time, String)| {
+        let frame = if frame.is_empty() { map } else { &frame };
+        if transforms.lookup(map, frame, stamp).is_ok() {
+            if is_pose { by_pose.at(stamp) } else { by_odometry.at(stamp) }
+        }
+    };
+    let (mut waiting, mut transforms) = (VecDeque::new(), TfBuffer::default());
     // Of each run of the recording.
     let mut spans: BTreeMap<u32, (Time, Time)> = BTreeMap::new();
     for record in recording.by_ref() {
         let topic = &topics[record.topic];
-        if is_tf_of(topic, tf_topic) {
+        if is_tf_of(topic, tf) {
             if let Ok(message) = topic.decode::<TFMessage>(&record.bytes) {
-                tf.insert(&message, topic.name.ends_with("tf_static"));
+                transforms.insert(&message, topic.name.ends_with("tf_static"));
             }
             continue;
         }
@@ -76,29 +76,14 @@ pub(crate) fn measure(
         *span = (span.0.min(stamp), span.1.max(stamp));
         let last = span.1;
         waiting.push_back((topic.name == pose, stamp, frame_id));
-        while waiting.front().is_some_and(|(_, stamp, _)| last.secs_since(*stamp) > TF_WAIT_S) {
-            settle(waiting.pop_front(), &tf, map, &mut by_pose, &mut by_odometry);
+        let is_settled = |(_, stamp, _): &mut (bool, Time, String)| last.secs_since(*stamp) > TF_WAIT_S;
+        while let Some(place) = waiting.pop_front_if(is_settled) {
+            settle(&transforms, place);
         }
     }
-    while !waiting.is_empty() {
-        settle(waiting.pop_front(), &tf, map, &mut by_pose, &mut by_odometry);
-    }
+    waiting.into_iter().for_each(|place| settle(&transforms, place));
     let length = spans.values().map(|(first, last)| last.secs_since(*first)).sum::<f64>().max(1e-9);
     Ok(Coverage { pose: by_pose.seconds / length, odometry: by_odometry.seconds / length })
-}
-
-fn settle(
-    place: Option<(bool, Time, String)>,
-    tf: &TfBuffer,
-    map: &str,
-    pose: &mut Known,
-    odometry: &mut Known,
-) {
-    let Some((is_pose, stamp, frame)) = place else { return };
-    let frame = if frame.is_empty() { map } else { &frame };
-    if tf.lookup(map, frame, stamp).is_ok() {
-        if is_pose { pose.at(stamp) } else { odometry.at(stamp) }
-    }
 }
 
 /// Stamp and frame of a pose or of odometry. A stamp of 0 is the time of the recording.

@@ -421,7 +421,7 @@ impl Inputs {
                     tracker.topic.clone_from(&topic.name);
                 }
                 self.take_people_topics(&topics, &named, args)?;
-                self.check_names(chooser, args, &persons::Source::Topics(&named))?;
+                check_names(chooser, args, &persons::Source::Topics(&named))?;
             }
         }
         self.take_goal(chooser, &HUMAN_GOAL, args.human_goal.as_deref())
@@ -451,19 +451,7 @@ impl Inputs {
                 vec![(start.trim_start_matches('/').to_owned(), end.to_owned())]
             }
         };
-        let tf = self.tf.clone();
-        self.check_names(chooser, args, &persons::Source::Frames(&tf, forms))
-    }
-
-    /// Checks that those whom `--person` names are there.
-    fn check_names(
-        &self,
-        chooser: &Chooser<'_>,
-        args: &InputArgs,
-        source: &persons::Source<'_>,
-    ) -> Result<()> {
-        let names = args.person.as_deref().map_or_else(Vec::new, |who| persons::chosen(who).names);
-        if names.is_empty() { Ok(()) } else { persons::check(chooser, &names, source) }
+        check_names(chooser, args, &persons::Source::Frames(&self.tf, forms))
     }
 
     /// People on topics: each under its own parameter where the nodes have one, otherwise read by their definitions.
@@ -535,8 +523,7 @@ impl Inputs {
 
     /// Whether the stamps of a topic are those of rows. A goal may be older than its message.
     fn is_timed(&self, topic: &Topic) -> bool {
-        let is_goal = self.goals.contains(&topic.name);
-        (self.plays(topic) || self.plays_bytes(topic)) && !is_goal
+        (self.plays(topic) || self.plays_bytes(topic)) && !self.goals.contains(&topic.name)
     }
 
     fn is_of_chosen_type(&self, topic: &Topic) -> bool {
@@ -632,6 +619,12 @@ impl Inputs {
         }
         Ok(())
     }
+}
+
+/// Checks that those whom `--person` names are there.
+fn check_names(chooser: &Chooser<'_>, args: &InputArgs, source: &persons::Source<'_>) -> Result<()> {
+    let names = args.person.as_deref().map_or_else(Vec::new, |who| persons::chosen(who).names);
+    if names.is_empty() { Ok(()) } else { persons::check(chooser, &names, source) }
 }
 
 /// The frame of the states, as the user says.

@@ -89,8 +89,7 @@ impl<'a> Play<'a> {
             None => None,
         };
         let raw = |topic: &Topic| {
-            let kind = topic.raw_type().filter(|_| inputs.plays_bytes(topic))?;
-            Some((topic.playable(), Arc::new(kind)))
+            Some((topic.playable(), Arc::new(topic.raw_type().filter(|_| inputs.plays_bytes(topic))?)))
         };
         let raw = recording.topics().iter().map(raw).collect();
         let definitions = Definitions::of("");

@@ -23,8 +23,11 @@ pub(crate) struct Kind {
     /// The parameter that takes the topic's name.
     pub(crate) topic_param: &'static str,
     /// Parameters that go with it.
-    pub(crate) also: &'static [(&'static str, &'static str)],
+    pub(crate) also: &'static [Param],
 }
+
+/// A parameter of the node and its value.
+type Param = (&'static str, &'static str);
 
 impl Role {
     /// The role's entry for a type.
@@ -33,11 +36,7 @@ impl Role {
     }
 }
 
-const fn kind(
-    type_name: &'static str,
-    topic_param: &'static str,
-    also: &'static [(&'static str, &'static str)],
-) -> Kind {
+const fn kind(type_name: &'static str, topic_param: &'static str, also: &'static [Param]) -> Kind {
     Kind { type_name, topic_param, also }
 }
 

@@ -51,6 +51,5 @@ pub(super) fn fresh_row(open: &Recording, nearest: Option<&(usize, BTreeSet<u32>
         signals: open.signals.iter().map(|(name, rows)| (name.clone(), measured(rows))).collect(),
         ..Recording::default()
     };
-    let several = open.people.len() > 1 && nearest.is_none_or(|(number, _)| *number > 1);
-    FreshRow { tail, first, by_id: several }
+    FreshRow { tail, first, by_id: open.people.len() > 1 && nearest.is_none_or(|(number, _)| *number > 1) }
 }

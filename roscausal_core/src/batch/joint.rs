@@ -111,8 +111,7 @@ impl Joint {
         if tables.is_empty() {
             return Err(Error::Data("there is no batch to analyse".into()));
         }
-        let of_path = paths.iter().map(AsRef::as_ref).zip(tables.iter().map(|(table, _)| table));
-        let dt = common_step(of_path)?;
+        let dt = common_step(paths.iter().map(AsRef::as_ref).zip(tables.iter().map(|(table, _)| table)))?;
         let mut notes_on_context = Vec::new();
         let reported: BTreeSet<&String> = tables
             .iter()
@@ -169,8 +168,7 @@ impl Joint {
         let several = self.tables.iter().any(|(_, facts)| facts.ids.len() > 1);
         if people == People::Joint || !several {
             let recordings = self.tables.iter().map(|(table, facts)| self.columns(table, facts, None));
-            let recordings = recordings.enumerate();
-            let mut of = BTreeMap::from([(0, recordings.collect::<Vec<_>>())]);
+            let mut of = BTreeMap::from([(0, recordings.enumerate().collect::<Vec<_>>())]);
             self.leave_out_empty(&mut of);
             return Ok(vec![self.part(None, &of[&0])?]);
         }

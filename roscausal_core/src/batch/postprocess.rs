@@ -84,8 +84,7 @@ impl Feature {
             );
             return Err(Error::param(parameter, reason));
         }
-        let text = text.trim();
-        let expression = Expression::parse(text)
+        let expression = Expression::parse(text.trim())
             .map_err(|reason| Error::param(parameter, format!("{name} = {reason}")))?;
         Ok(Self { name: name.to_owned(), expression })
     }

@@ -351,8 +351,7 @@ impl Recorder {
                 self.counts.crowded += 1;
                 continue;
             }
-            let held = stamp < self.newest_people.unwrap_or(stamp);
-            if held && !self.people.contains_key(&person.id) {
+            if stamp < self.newest_people.unwrap_or(stamp) && !self.people.contains_key(&person.id) {
                 continue;
             }
             if self.in_time(stamp) {

@@ -83,6 +83,13 @@ pub struct Column {
     pub values: Vec<f64>,
 }
 
+impl Column {
+    /// A column whose unit is not known, or which has none.
+    fn without_unit(name: &str, values: Vec<f64>) -> Self {
+        Self { name: name.to_owned(), unit: "", values }
+    }
+}
+
 /// Consecutive rows in which one body has no value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gap {
@@ -154,12 +161,7 @@ impl Recording {
 
     /// The columns of signals.
     pub fn signal_columns(&self) -> Vec<Column> {
-        let column = |(name, values): &(String, Vec<f64>)| Column {
-            name: name.clone(),
-            unit: "",
-            values: values.clone(),
-        };
-        self.signals.iter().map(column).collect()
+        self.signals.iter().map(|(name, values)| Column::without_unit(name, values.clone())).collect()
     }
 
     /// The columns of interventions: the imposed value, 1 for a point, 0 where nothing is imposed.
@@ -169,12 +171,8 @@ impl Recording {
             [value] => *value,
             _ => 1.0,
         };
-        let column = |(name, rows): (&String, &Vec<Vec<f64>>)| Column {
-            name: name.clone(),
-            unit: "",
-            values: rows.iter().map(number).collect(),
-        };
-        self.context.iter().map(column).collect()
+        let values = |rows: &Vec<Vec<f64>>| rows.iter().map(number).collect();
+        self.context.iter().map(|(name, rows)| Column::without_unit(name, values(rows))).collect()
     }
 
     /// The interventions with their times, ordered by column and time.

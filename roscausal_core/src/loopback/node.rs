@@ -157,8 +157,7 @@ impl Middleware for LoopbackNode {
 
     fn attach(&self, consumer: Arc<dyn Consumer>) {
         let (alive, consumer) = (self.alive.clone(), Arc::downgrade(&consumer));
-        let member = Member { alive, consumer, task: self.task.clone() };
-        Arc::make_mut(&mut self.bus.lock().members).push(member);
+        Arc::make_mut(&mut self.bus.lock().members).push(Member { alive, consumer, task: self.task.clone() });
     }
 
     fn is_lockstep(&self) -> bool {

@@ -25,8 +25,7 @@ impl Task {
         let Some(future) = slot.as_mut() else { return };
         // The driver asks each time, so no wake-up is needed.
         let mut context = Context::from_waker(Waker::noop());
-        let polled = catch_unwind(AssertUnwindSafe(|| future.as_mut().poll(&mut context).is_ready()));
-        match polled {
+        match catch_unwind(AssertUnwindSafe(|| future.as_mut().poll(&mut context).is_ready())) {
             Ok(false) => return,
             Ok(true) => {}
             Err(panic) => *lock(&self.panic) = Some(panic),

@@ -274,13 +274,8 @@ impl<M: Middleware> Node<M> {
         }
     }
 
-    /// The models of batches, and the regime with them if models roll on.
-    fn models_of(
-        &mut self,
-        mw: &M,
-        names: &[String],
-        paths: &[PathBuf],
-    ) -> Result<(Vec<Found>, Option<Regime>)> {
+    /// What the method makes of batches.
+    fn models_of(&mut self, mw: &M, names: &[String], paths: &[PathBuf]) -> Result<Made> {
         let params = self.params.clone();
         let rolling = self.rolling.take();
         let found = self.run_method(mw, |control| match (&rolling, names, paths) {
@@ -289,7 +284,7 @@ impl<M: Middleware> Node<M> {
                 let form = Form::of_test(&params.request.settings.cond_ind_test);
                 let exogenous = &params.request.settings.exogenous;
                 let new = NewBatch { name, path, people, tau_max, form, exogenous };
-                rolled(&params, rolling, &new, control).map(|(found, regime)| (found, Some(regime)))
+                roll(&params, rolling, &new, control)
             }
             _ => Ok((method(&params, paths, None, control)?, None)),
         });
@@ -338,15 +333,15 @@ impl<M: Middleware> Node<M> {
                 return Err(error);
             }
         }
-        while let Some((person, model, evidence, origin)) = unsaid.found.pop_front() {
-            if let Err(error) = self.publish(mw, &model, evidence.as_ref(), &origin, self.last.get(&person)) {
-                unsaid.found.push_front((person, model, evidence, origin));
+        while let Some(found) = unsaid.found.pop_front() {
+            if let Err(error) = self.publish(mw, &found) {
+                unsaid.found.push_front(found);
                 self.unsaid = Some(unsaid);
                 return Err(error);
             }
             self.figures.models += 1;
             self.health.sent();
-            self.last.insert(person, model);
+            self.last.insert(found.0, found.1);
         }
         match &self.rolling {
             Some(rolling) => rolling.finish(unsaid.claims),
@@ -359,11 +354,7 @@ impl<M: Middleware> Node<M> {
 
     /// Runs the method on a thread of its own. So a request to end is noticed within [`LOOK_AGAIN`], and health
     /// reports continue.
-    fn run_method<T: Send>(
-        &mut self,
-        mw: &M,
-        method: impl FnOnce(&Control) -> Result<T> + Send,
-    ) -> Result<T> {
+    fn run_method(&mut self, mw: &M, method: impl FnOnce(&Control) -> Result<Made> + Send) -> Result<Made> {
         let cancel = Arc::new(AtomicBool::new(false));
         let (on_progress, tests) = (self.on_progress.clone(), self.tests.clone());
         let control = Control::default().cancel_on(cancel.clone()).on_progress(move |progress| {
@@ -428,14 +419,7 @@ impl<M: Middleware> Node<M> {
     }
 
     /// Writes the model's files, then publishes: what is announced exists.
-    fn publish(
-        &self,
-        mw: &M,
-        model: &Model,
-        evidence: Option<&Evidence>,
-        origin: &Origin,
-        before: Option<&Model>,
-    ) -> Result<()> {
+    fn publish(&self, mw: &M, (person, model, evidence, origin): &Found) -> Result<()> {
         let (dag, tsdag) = (draw::dag(model), draw::tsdag(model));
         let summary = model.summary().spelled(parameter);
         if let Some(dir) = &self.params.res_dir {
@@ -456,7 +440,7 @@ impl<M: Middleware> Node<M> {
             });
             self.out.evidence.publish(&Text { data: data.to_string() })?;
         }
-        self.out.info.publish(&causal_model_info(model, &header, origin, before))?;
+        self.out.info.publish(&causal_model_info(model, &header, origin, self.last.get(person)))?;
         self.out.model.publish(&causal_model(model, &header))?;
         let (stated, next) = (summary.conclusion.iter(), summary.advice.iter().map(|advice| &advice.text));
         let stated: Vec<&str> = stated.chain(next).map(String::as_str).collect();
@@ -484,18 +468,16 @@ fn write_evidence(dir: &Path, evidence: &Evidence, name: &str) -> Result<()> {
 /// from.
 type Found = (String, Model, Option<Evidence>, Origin);
 
+/// The models of batches, and the regime with them if models roll on.
+type Made = (Vec<Found>, Option<Regime>);
+
 /// A program reads the batches itself, so it makes one model.
 fn people_of(params: &DiscoveryParams) -> People {
     if params.program.is_some() { People::Joint } else { params.people }
 }
 
 /// Reads a new batch for changes, and makes the model of the present regime. If the batches before do not fit, of it alone.
-fn rolled(
-    params: &DiscoveryParams,
-    rolling: &Rolling,
-    new: &NewBatch<'_>,
-    control: &Control,
-) -> Result<(Vec<Found>, Regime)> {
+fn roll(params: &DiscoveryParams, rolling: &Rolling, new: &NewBatch<'_>, control: &Control) -> Result<Made> {
     let mut regime = rolling.regime.clone();
     let is_new = regime.last != new.name;
     in_pool(params.request.threads, || regime.read(new, &rolling.params, control))?;
@@ -509,7 +491,7 @@ fn rolled(
         found => found?,
     };
     found.iter_mut().for_each(|(person, model, ..)| regime.age(person, model, is_new));
-    Ok((found, regime))
+    Ok((found, Some(regime)))
 }
 
 /// Reads the batches as recordings of one system and analyses them: one model, or one per person. A model that rolls on has the

@@ -90,8 +90,7 @@ impl<M: Middleware> Health<M> {
             return;
         }
         self.next = now.plus_secs(PERIOD_S);
-        let silent = self.silent(mw, now);
-        let message = trouble.map(str::to_owned).or(silent);
+        let message = trouble.map(str::to_owned).or(self.silent(mw, now));
         self.tell(message.as_deref());
         let pair = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
         let received = |input: &Input| pair(&format!("received {}", input.topic), input.heard.to_string());

@@ -125,7 +125,17 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     let ros4hri = params.text("people_type") == "ros4hri";
     let select: Select =
         params.text("sel_agent").parse().map_err(|reason| Error::param("sel_agent", reason))?;
-    let _others = subscribe_others(mw, &params, &inbox, &select)?;
+    let goals = |m: pedsim_msgs::TrackedPersons| {
+        let goal = |t: pedsim_msgs::TrackedPerson| (t.track_id as u32, t.pose.pose.position);
+        Event::Goals(m.tracks.into_iter().map(goal).collect())
+    };
+    let goals = |topic: String| inbox.subscribe(mw, &topic, Qos::Latched, goals);
+    let _goals = params.text_if_set("goals_topic").map(goals).transpose()?;
+    let by_robot = matches!(select, Select::Nearest(_)).then(|| {
+        let topic = in_namespace("robot", &params.text("robot"), "roscausal/robot")?;
+        inbox.subscribe(mw, &topic, Qos::Volatile(10), |m: RobotState| Event::Robot(m.pose2d))
+    });
+    let _by_robot = by_robot.transpose()?;
     let mut robot: Option<Pose2D> = None;
     let goal_param = params.text_if_set("goal_param").map(goal_spec);
     let target_frame = params.text("target_frame");
@@ -219,29 +229,6 @@ fn take(tracker: &mut PeopleTracker, stamp: Time, mut people: Vec<(Who, Sighting
     let stamped = |stamp: Time| if stamp == Time::ZERO { now } else { stamp };
     people.iter_mut().for_each(|(_, sighting)| sighting.header.stamp = stamped(sighting.header.stamp));
     tracker.message(stamped(stamp), people);
-}
-
-/// Subscribes to the goals of all people, and to the robot's position if people are chosen by it.
-fn subscribe_others<M: Middleware>(
-    mw: &M,
-    params: &Params,
-    inbox: &Inbox<Event>,
-    select: &Select,
-) -> Result<Vec<M::Subscription>> {
-    let mut subscriptions = Vec::new();
-    if let Some(topic) = params.text_if_set("goals_topic") {
-        let goals = |m: pedsim_msgs::TrackedPersons| {
-            let goal = |t: pedsim_msgs::TrackedPerson| (t.track_id as u32, t.pose.pose.position);
-            Event::Goals(m.tracks.into_iter().map(goal).collect())
-        };
-        subscriptions.push(inbox.subscribe(mw, &topic, Qos::Latched, goals)?);
-    }
-    if matches!(select, Select::Nearest(_)) {
-        let topic = in_namespace("robot", &params.text("robot"), "roscausal/robot")?;
-        let robot = |m: RobotState| Event::Robot(m.pose2d);
-        subscriptions.push(inbox.subscribe(mw, &topic, Qos::Volatile(10), robot)?);
-    }
-    Ok(subscriptions)
 }
 
 fn subscribe_people<M: Middleware>(

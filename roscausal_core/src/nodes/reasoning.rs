@@ -39,7 +39,7 @@ use super::{
         what_if_response,
     },
     reasoning_params::{ReasoningParams, specs},
-    reasoning_rows::{Moment, Rows},
+    reasoning_rows::{Answerable, Moment, Rows},
     reasoning_score::Score,
 };
 use crate::{
@@ -351,8 +351,7 @@ impl<M: Middleware> Node<M> {
         let (settings, acts_on, pool) =
             (self.params.settings.clone(), self.params.acts_on.clone(), self.fits.clone());
         let work = move |data: DataFrame| {
-            let fit = || StructuralModel::fit(&data, &graph, &settings, &acts_on);
-            Ok(pool.install(fit)?.with_facts(facts))
+            Ok(pool.install(|| StructuralModel::fit(&data, &graph, &settings, &acts_on))?.with_facts(facts))
         };
         (self.fitting, self.fitted_since) = (true, wanted.since);
         if self.in_line {
@@ -403,7 +402,7 @@ impl<M: Middleware> Node<M> {
     }
 
     /// The model, or why there is none.
-    fn ready(&self) -> std::result::Result<Arc<StructuralModel>, (Status, String)> {
+    fn ready(&self) -> Answerable<Arc<StructuralModel>> {
         if let Some(model) = &self.model {
             return Ok(model.clone());
         }
@@ -424,16 +423,9 @@ impl<M: Middleware> Node<M> {
     }
 
     /// Model and rows for a question about a stamp (0: the newest).
-    fn situation(
-        &self,
-        stamp: Time,
-    ) -> std::result::Result<(Arc<StructuralModel>, Moment), (Status, String)> {
+    fn situation(&self, stamp: Time) -> Answerable<(Arc<StructuralModel>, Moment)> {
         let model = self.ready()?;
-        let stamp = (stamp != Time::ZERO).then_some(stamp);
-        let moment = self
-            .rows
-            .at(model.graph().names(), stamp)
-            .map_err(|(no_rows, reason)| (if no_rows { Status::NoData } else { Status::NoModel }, reason))?;
+        let moment = self.rows.at(model.graph().names(), (stamp != Time::ZERO).then_some(stamp))?;
         Ok((model, moment))
     }
 

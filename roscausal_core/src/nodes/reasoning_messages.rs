@@ -19,8 +19,11 @@ use roscausal_reasoning::{
 };
 use serde_json::{Value as Json, json};
 
-use super::{model_messages::model_of, reasoning_rows::Moment};
-use crate::house::House;
+use super::{
+    model_messages::model_of,
+    reasoning_rows::{Answerable, Moment},
+};
+use crate::{grammar::Parsed, house::House};
 
 /// The graph of a model that was published, without the columns `context`: that of [`Graph::of_model`]. Links at lag 0 that are
 /// listed as causes in both directions contradict each other.
@@ -53,12 +56,7 @@ pub(super) fn graph_of(info: &CausalModelInfo, context: &[String]) -> Result<(Gr
 }
 
 /// A question from its message; 0 steps: `horizon`.
-pub(super) fn what_if(
-    request: WhatIfRequest,
-    horizon: usize,
-    paths: usize,
-    seed: u64,
-) -> Result<WhatIf, String> {
+pub(super) fn what_if(request: WhatIfRequest, horizon: usize, paths: usize, seed: u64) -> Parsed<WhatIf> {
     let own = |one: Intervention| {
         let made = match one.kind {
             Intervention::SET => OwnIntervention::set(one.variable, one.values),
@@ -148,10 +146,7 @@ pub(super) fn explain_response(answer: ExplainAnswer, moment: &Moment, more: Vec
 }
 
 /// The answer to a question about a route, or why there is none.
-pub(super) fn route_response(
-    house: &House,
-    request: &RouteRequest,
-) -> std::result::Result<RouteResponse, (Status, String)> {
+pub(super) fn route_response(house: &House, request: &RouteRequest) -> Answerable<RouteResponse> {
     let told = house.newest().map_err(|error| (Status::NoData, error.to_string()))?;
     let (map, known) = &*told;
     let bad = |error: Error| match error {

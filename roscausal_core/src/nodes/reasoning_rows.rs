@@ -8,13 +8,17 @@ use std::{
 use ndarray::Array2;
 use roscausal_discovery::{DataFrame, names};
 use roscausal_msgs::{Features, Time};
+use roscausal_reasoning::answer::Status;
 
-use crate::{Error, Result, batch::Table};
+use crate::{Error, Result, batch::Table, grammar::Parsed};
 
 /// Most columns that are kept.
 const MOST_COLUMNS: usize = 256;
 /// Going back by less than this, a row was there already; by more, the clock has jumped. Nanoseconds.
 const JUMP_BACK_NS: i64 = 1_000_000_000;
+
+/// What a question needs, or why it cannot be answered.
+pub(super) type Answerable<T> = std::result::Result<T, (Status, String)>;
 
 struct Row {
     stamp_ns: i64,
@@ -88,7 +92,7 @@ impl Rows {
     ///
     /// # Errors
     /// A message that is none, in words.
-    pub(super) fn add(&mut self, features: &Features) -> std::result::Result<bool, String> {
+    pub(super) fn add(&mut self, features: &Features) -> Parsed<bool> {
         if features.names.len() != features.values.len() {
             let (names, values) = (features.names.len(), features.values.len());
             return Err(format!("a message with {names} names and {values} values is left out"));
@@ -96,7 +100,7 @@ impl Rows {
         self.push(features.header.stamp, &features.names, &features.values)
     }
 
-    fn push(&mut self, stamp: Time, names: &[String], values: &[f64]) -> std::result::Result<bool, String> {
+    fn push(&mut self, stamp: Time, names: &[String], values: &[f64]) -> Parsed<bool> {
         let stamp_ns = stamp.as_nanos();
         if let Some(last) = self.rows.back().filter(|last| last.segment == self.segment) {
             let step = stamp_ns.saturating_sub(last.stamp_ns);
@@ -159,7 +163,7 @@ impl Rows {
     ///
     /// # Errors
     /// A variable that no column is, with those that there are.
-    pub(super) fn columns_of(&self, variables: &[String]) -> std::result::Result<Vec<usize>, String> {
+    pub(super) fn columns_of(&self, variables: &[String]) -> Parsed<Vec<usize>> {
         let person = self.person_id();
         let find = |name: &String| {
             let own = person.as_ref().and_then(|id| {
@@ -214,15 +218,11 @@ impl Rows {
     ///
     /// # Errors
     /// No such row, in words.
-    pub(super) fn at(
-        &self,
-        variables: &[String],
-        stamp: Option<Time>,
-    ) -> std::result::Result<Moment, (bool, String)> {
-        let columns = self.columns_of(variables).map_err(|reason| (false, reason))?;
+    pub(super) fn at(&self, variables: &[String], stamp: Option<Time>) -> Answerable<Moment> {
+        let columns = self.columns_of(variables).map_err(|reason| (Status::NoModel, reason))?;
         let Some(newest) = self.rows.back() else {
             let reason = "there are no rows yet; the data node publishes them on /roscausal/features";
-            return Err((true, reason.into()));
+            return Err((Status::NoData, reason.into()));
         };
         let step = self.step_ns.unwrap_or(0);
         let (row, last) = match stamp {
@@ -235,7 +235,7 @@ impl Rows {
                 let (last, row) = found.ok_or_else(|| {
                     let [first, end] = [self.rows.front(), self.rows.back()].map(|row| row.map_or(0.0, |r| r.stamp_ns as f64 / 1e9));
                     let at = stamp.as_secs_f64();
-                    (true, format!("there is no sample at {at:.3} s; those that are kept go from {first:.3} to {end:.3} s; ask for one of them, or for 0, the newest"))
+                    (Status::NoData, format!("there is no sample at {at:.3} s; those that are kept go from {first:.3} to {end:.3} s; ask for one of them, or for 0, the newest"))
                 })?;
                 (row, last)
             }

@@ -103,8 +103,47 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
         }
     };
     let _odometry = params.text_if_set("odom_topic").map(odometry).transpose()?;
-    let _pose = subscribe_pose(mw, &params, &inbox, &mut health)?;
-    let _goal = subscribe_goal(mw, &params, &inbox)?;
+    let pose = |topic: String| {
+        let topic = in_namespace("robot", &robot, &topic)?;
+        match params.text("pose_type").as_str() {
+            "Odometry" => {
+                let input = health.input::<Odometry>(&topic, true);
+                inbox.subscribe(mw, &topic, qos, move |m: Odometry| Event::Pose(input, m.header, m.pose.pose))
+            }
+            "PoseStamped" => {
+                let input = health.input::<PoseStamped>(&topic, true);
+                inbox.subscribe(mw, &topic, qos, move |m: PoseStamped| Event::Pose(input, m.header, m.pose))
+            }
+            _ => {
+                let input = health.input::<PoseWithCovarianceStamped>(&topic, true);
+                let pose = move |m: PoseWithCovarianceStamped| Event::Pose(input, m.header, m.pose.pose);
+                inbox.subscribe(mw, &topic, qos, pose)
+            }
+        }
+    };
+    let _pose = params.text_if_set("pose_topic").map(pose).transpose()?;
+    let goal = |topic: String| {
+        let (topic, qos) = (in_namespace("robot", &robot, &topic)?, Qos::Volatile(10));
+        match params.text("goal_type").as_str() {
+            "PoseStamped" => {
+                inbox.subscribe(mw, &topic, qos, |m: PoseStamped| Event::Goal(m.header, m.pose.position))
+            }
+            "Path" => {
+                let send = inbox.sender();
+                mw.subscribe(&topic, qos, move |m: Path| {
+                    // The poses of a plan may have headers of their own; those of Nav2 and move_base are in the plan's frame.
+                    if let Some(end) = m.poses.last() {
+                        send.send(Event::Goal(m.header, end.pose.position));
+                    }
+                })
+            }
+            _ => inbox.subscribe(mw, &topic, qos, |m: MoveBaseActionGoal| {
+                let target = m.goal.target_pose;
+                Event::Goal(target.header, target.pose.position)
+            }),
+        }
+    };
+    let _goal = params.text_if_set("goal_topic").map(goal).transpose()?;
     let tf = params.text_if_set("tf_topic").unwrap_or_else(|| "/tf".to_owned());
     let _tf = inbox.subscribe(mw, &tf, qos, |m| Event::Tf(m, false))?;
     let _tf_static = inbox.subscribe(mw, &format!("{tf}_static"), Qos::Latched, |m| Event::Tf(m, true))?;
@@ -159,55 +198,4 @@ fn of_twist(message: TwistStamped) -> Odometry {
     let mut odometry = Odometry { header: message.header, ..Odometry::default() };
     odometry.twist.twist = message.twist;
     odometry
-}
-
-/// Without a `pose_topic` there is no subscription.
-fn subscribe_pose<M: Middleware>(
-    mw: &M,
-    params: &Params,
-    inbox: &Inbox<Event>,
-    health: &mut Health<M>,
-) -> Result<Option<M::Subscription>> {
-    let Some(topic) = params.text_if_set("pose_topic") else { return Ok(None) };
-    let topic = in_namespace("robot", &params.text("robot"), &topic)?;
-    let qos = Qos::Volatile(100);
-    let subscription = if params.text("pose_type") == "Odometry" {
-        let input = health.input::<Odometry>(&topic, true);
-        inbox.subscribe(mw, &topic, qos, move |m: Odometry| Event::Pose(input, m.header, m.pose.pose))
-    } else if params.text("pose_type") == "PoseStamped" {
-        let input = health.input::<PoseStamped>(&topic, true);
-        inbox.subscribe(mw, &topic, qos, move |m: PoseStamped| Event::Pose(input, m.header, m.pose))
-    } else {
-        let input = health.input::<PoseWithCovarianceStamped>(&topic, true);
-        let pose = move |m: PoseWithCovarianceStamped| Event::Pose(input, m.header, m.pose.pose);
-        inbox.subscribe(mw, &topic, qos, pose)
-    };
-    subscription.map(Some)
-}
-
-fn subscribe_goal<M: Middleware>(
-    mw: &M,
-    params: &Params,
-    inbox: &Inbox<Event>,
-) -> Result<Option<M::Subscription>> {
-    let Some(topic) = params.text_if_set("goal_topic") else { return Ok(None) };
-    let topic = in_namespace("robot", &params.text("robot"), &topic)?;
-    let qos = Qos::Volatile(10);
-    let subscription = if params.text("goal_type") == "PoseStamped" {
-        inbox.subscribe(mw, &topic, qos, |m: PoseStamped| Event::Goal(m.header, m.pose.position))
-    } else if params.text("goal_type") == "Path" {
-        let send = inbox.sender();
-        mw.subscribe(&topic, qos, move |m: Path| {
-            // The poses of a plan may have headers of their own; those of Nav2 and move_base are in the plan's frame.
-            if let Some(end) = m.poses.last() {
-                send.send(Event::Goal(m.header, end.pose.position));
-            }
-        })
-    } else {
-        inbox.subscribe(mw, &topic, qos, |m: MoveBaseActionGoal| {
-            let target = m.goal.target_pose;
-            Event::Goal(target.header, target.pose.position)
-        })
-    };
-    subscription.map(Some)
 }

@@ -356,13 +356,12 @@ impl Columns {
         let Some(class) = self.class.and_then(|class| row.get(class)) else { return Ok(()) };
         match (keep, class) {
             (Keep::All, _) => Ok(()),
-            (Keep::Number(person), class) => match class {
-                Found::Numbers(numbers) if numbers.first() == Some(&f64::from(person)) => Ok(()),
-                Found::Numbers(numbers) => Err(format!("{numbers:?}")),
-                Found::Text(text) => Err(text.clone()),
+            (Keep::Number(person), Found::Numbers(numbers)) => match numbers.first() {
+                Some(number) if *number == f64::from(person) => Ok(()),
+                _ => Err(format!("{numbers:?}")),
             },
             (Keep::Named, Found::Text(text)) if text.is_empty() || is_named(text, words) => Ok(()),
-            (Keep::Named, Found::Text(text)) => Err(text.clone()),
+            (_, Found::Text(text)) => Err(text.clone()),
             (Keep::Named, Found::Numbers(numbers)) => match numbers.first() {
                 // Who says nothing of what it sees sees people.
                 None => Ok(()),

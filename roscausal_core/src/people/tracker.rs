@@ -105,8 +105,7 @@ impl Tracker {
             return Err(fault(&format!("{missing} is missing")));
         }
         if !has("x") || !topic.starts_with('/') || !topic.split('/').skip(1).all(is_token) {
-            let way = "write /topic.list[*] -> id=FIELD, x=FIELD, y=FIELD (docs/people.md)";
-            return Err(fault(way));
+            return Err(fault("write /topic.list[*] -> id=FIELD, x=FIELD, y=FIELD (docs/people.md)"));
         }
         for (_, value) in &entries.numbers {
             Expression::names_in(value).map_err(|reason| fault(&reason))?;

@@ -133,11 +133,10 @@ impl Binder<'_> {
             Err(QueryError::NoField { .. }) if let Some((of, orientation)) = angle(path) => {
                 return self.of(of, &orientation).map_err(|_| self.fault(path));
             }
-            Err(QueryError::NoField { .. }) => return Err(self.fault(path)),
             Err(QueryError::Whole { type_name, .. }) => {
                 return Err(format!("{whole} is a whole {type_name}; fields: {}", self.below(path)));
             }
-            Err(error) => return Err(error.to_string()),
+            Err(error) => return Err(self.reported(path, &error)),
         };
         if query.is_list() {
             return Err(format!(
@@ -165,12 +164,10 @@ impl Binder<'_> {
                     format!("{}.{path} is not an orientation: it has no x, y, z and w", self.signal.topic)
                 })
             }
-            Of::Norm if is_one => {
-                let found = fields(&["x", "y", "z"]).or_else(|| fields(&["x", "y"]));
-                found
-                    .map(Part::Norm)
-                    .ok_or_else(|| format!("{}.{path} is not a vector: it has no x and y", self.signal.topic))
-            }
+            Of::Norm if is_one => fields(&["x", "y", "z"])
+                .or_else(|| fields(&["x", "y"]))
+                .map(Part::Norm)
+                .ok_or_else(|| format!("{}.{path} is not a vector: it has no x and y", self.signal.topic)),
             _ => {
                 let query = self.schema.query(path).map_err(|error| self.reported(path, &error))?;
                 if query.is_text() {
@@ -233,12 +230,8 @@ impl Binder<'_> {
 /// The orientation in a path that ends with `roll`, `pitch` or `yaw`.
 fn angle(path: &Path) -> Option<(Of, Path)> {
     let (Step::Field(last), orientation) = path.0.split_last()? else { return None };
-    let of = match last.as_str() {
-        "roll" => Of::Roll,
-        "pitch" => Of::Pitch,
-        "yaw" => Of::Yaw,
-        _ => return None,
-    };
+    let angles = [("roll", Of::Roll), ("pitch", Of::Pitch), ("yaw", Of::Yaw)];
+    let (_, of) = angles.into_iter().find(|(name, _)| name == last)?;
     Some((of, Path(orientation.to_vec())))
 }
 

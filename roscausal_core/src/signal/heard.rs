@@ -82,8 +82,7 @@ impl Signals {
         let schema = self.definitions.schema(kind).map_err(|reason| format!("{topic}: {reason}"))?;
         let of_topic = self.signals.iter().enumerate().filter(|(_, signal)| signal.topic == topic);
         let bind = |(place, signal): (usize, &Signal)| {
-            let bound = signal.bind(&schema).map_err(|reason| format!("{}: {reason}", signal.name))?;
-            Ok((place, bound))
+            Ok((place, signal.bind(&schema).map_err(|reason| format!("{}: {reason}", signal.name))?))
         };
         let bound: Vec<(usize, Bound)> = of_topic.map(bind).collect::<Result<_, String>>()?;
         Ok((schema, kind.wire, bound))

@@ -159,10 +159,7 @@ impl Language for Fields {
 
     fn atom(&mut self, text: &mut Scanner<'_>) -> Parsed<Node> {
         match text.next() {
-            Some('(') => {
-                text.expect("(")?;
-                self.closed(text)
-            }
+            Some('(') => text.expect("(").and_then(|()| self.closed(text)),
             Some('/') => self.path(text).map(Node::Path),
             Some('"' | '\'') => Ok(Node::Text(text.quoted()?.to_owned())),
             Some(c) if c.is_ascii_digit() || c == '.' => text.number().map(Node::Number),

@@ -240,19 +240,12 @@ impl Day {
     }
 
     /// Moves everybody by one step of the simulation.
-    pub(crate) fn step(
-        &mut self,
-        (dt, step): (f64, u64),
-        world: &World,
-        robot: &mut Robot,
-        crowd: &mut Crowd,
-    ) {
-        let time = step as f64 * dt;
+    pub(crate) fn step(&mut self, dt: f64, step: u64, world: &World, robot: &mut Robot, crowd: &mut Crowd) {
         self.walk(dt, step, robot, crowd);
         let near = |member: &&crate::pedestrian::Pedestrian| member.position.distance(robot.position) < CLOSE;
         if robot.v > 0.05 && crowd.members.iter().any(|member| near(&member)) {
             self.close_seconds += dt;
         }
-        self.drive((dt, step, time), world, robot, crowd);
+        self.drive(dt, step, world, robot, crowd);
     }
 }

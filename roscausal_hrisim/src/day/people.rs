@@ -97,8 +97,7 @@ impl Day {
         for index in 0..self.workers.len() {
             let near = crowd.members[index].position.distance(robot.position) < LOOKED_AT;
             if near {
-                let force = self.force(index, robot, crowd);
-                self.walk_finely(index, dt, force, crowd);
+                self.walk_finely(index, dt, self.force(index, robot, crowd), crowd);
             } else if !(step + index as u64).is_multiple_of(COARSE) {
                 continue;
             } else {

@@ -205,13 +205,8 @@ impl Day {
     }
 
     /// Drives the robot by one step.
-    pub(super) fn drive(
-        &mut self,
-        (dt, step, time): (f64, u64, f64),
-        world: &World,
-        robot: &mut Robot,
-        crowd: &Crowd,
-    ) {
+    pub(super) fn drive(&mut self, dt: f64, step: u64, world: &World, robot: &mut Robot, crowd: &Crowd) {
+        let time = step as f64 * dt;
         let doing = std::mem::take(&mut self.porter.doing);
         self.porter.doing = self.go_on_with(doing, time, robot);
         let target = match &self.porter.doing {

@@ -197,8 +197,7 @@ pub fn run_lockstep(
     every: u64,
     mut each_step: impl FnMut(&Simulation) -> bool,
 ) -> Result<()> {
-    let node = bus.node("hrisim");
-    let mut publisher = Publisher::new(&node, simulation)?;
+    let mut publisher = Publisher::new(&bus.node("hrisim"), simulation)?;
     let origin = bus.now();
     while !simulation.is_over() {
         simulation.step();

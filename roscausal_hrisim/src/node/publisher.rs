@@ -113,7 +113,7 @@ impl<M: Middleware> Publisher<M> {
     pub fn publish_step(&mut self, simulation: &Simulation, stamp: Time) -> Result<()> {
         let mut transforms = Vec::new();
         for (robot, topics) in simulation.robots.iter().zip(&self.robots) {
-            topics.publish(robot, self.sensors.robot(robot), stamp, &mut transforms)?;
+            transforms.extend(topics.publish(robot, self.sensors.robot(robot), stamp)?);
         }
         self.tf.publish(&TFMessage { transforms })?;
         self.publish_people(simulation, stamp)?;
@@ -290,13 +290,8 @@ impl<M: Middleware> RobotTopics<M> {
         })
     }
 
-    fn publish(
-        &self,
-        robot: &Robot,
-        measured: Measured,
-        stamp: Time,
-        transforms: &mut Vec<TransformStamped>,
-    ) -> Result<()> {
+    /// Publishes odometry and pose. Returns the transforms to them.
+    fn publish(&self, robot: &Robot, measured: Measured, stamp: Time) -> Result<[TransformStamped; 2]> {
         // The odometry frame begins where the robot started.
         let (origin, turn) = robot.start;
         let offset = measured.position - origin;
@@ -320,10 +315,10 @@ impl<M: Middleware> RobotTopics<M> {
             header: header(stamp, "map"),
             pose: PoseWithCovariance { pose: pose(measured), ..Default::default() },
         })?;
-        transforms.push(transform(stamp, "map", &self.odom_frame, origin, turn));
-        transforms
-            .push(transform(stamp, &self.odom_frame, &self.base_frame, in_odom.position, in_odom.theta));
-        Ok(())
+        Ok([
+            transform(stamp, "map", &self.odom_frame, origin, turn),
+            transform(stamp, &self.odom_frame, &self.base_frame, in_odom.position, in_odom.theta),
+        ])
     }
 
     fn publish_goal(&self, goal: Vec2, leg: u64, stamp: Time) -> Result<()> {

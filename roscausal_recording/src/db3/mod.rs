@@ -40,6 +40,9 @@ pub(crate) struct Db3 {
     damaged: Option<Damaged>,
 }
 
+/// How many messages cannot be read, and why the first one cannot.
+type Lost = Option<(u32, String)>;
+
 /// What is left of a damaged file: its pages, and the messages by row. SQLite is asked for the topics only.
 struct Damaged {
     pages: Pages,
@@ -184,7 +187,7 @@ impl Db3 {
         page: &[(i64, i64)],
         wanted: &[bool],
         out: &mut Vec<Record>,
-    ) -> rusqlite::Result<Option<(u32, String)>> {
+    ) -> rusqlite::Result<Lost> {
         // One transaction for all of them, so the file is locked once and not for each.
         let _reading = self.database.unchecked_transaction()?;
         let mut message = self.database.prepare("SELECT topic_id, data FROM messages WHERE id = ?")?;
@@ -207,12 +210,7 @@ impl Db3 {
     }
 
     /// Reads messages of a damaged file.
-    fn load_damaged(
-        &mut self,
-        page: &[(i64, i64)],
-        wanted: &[bool],
-        out: &mut Vec<Record>,
-    ) -> Option<(u32, String)> {
+    fn load_damaged(&mut self, page: &[(i64, i64)], wanted: &[bool], out: &mut Vec<Record>) -> Lost {
         let mut lost = None;
         let mut damaged = self.damaged.take()?;
         for message in page.iter().filter_map(|(_, row)| damaged.messages.get(row)) {
@@ -362,7 +360,7 @@ impl Source for Db3 {
 }
 
 /// Counts a message that cannot be read; the first reason is kept.
-fn count(lost: &mut Option<(u32, String)>, reason: &dyn std::fmt::Display) {
+fn count(lost: &mut Lost, reason: &dyn std::fmt::Display) {
     lost.get_or_insert_with(|| (0, reason.to_string())).0 += 1;
 }
 

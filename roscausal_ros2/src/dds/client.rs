@@ -26,6 +26,9 @@ const ACQUAINTED: Duration = Duration::from_millis(200);
 /// So it is asked again after this time, then after twice as long, and so on.
 const ASK_AGAIN: Duration = Duration::from_secs(1);
 
+/// What was found, or what is in the way in words.
+type Told<T> = std::result::Result<T, String>;
+
 type Ends<S> = Client<Carried<<S as Service>::Request>, Carried<<S as Service>::Response>>;
 
 /// A client of a service, for one question at a time.
@@ -78,7 +81,7 @@ impl Participant {
         service: &str,
         request: &S::Request,
         until: Instant,
-    ) -> std::result::Result<S::Response, String> {
+    ) -> Told<S::Response> {
         while !self.is_acquainted(asker, service)? {
             pause(until).ok_or("nobody offers it")?;
         }
@@ -102,11 +105,7 @@ impl Participant {
     }
 
     /// Whether the service is there, and both ends have had the time to find each other.
-    fn is_acquainted<S: Service>(
-        &self,
-        asker: &Asker<S>,
-        service: &str,
-    ) -> std::result::Result<bool, String> {
+    fn is_acquainted<S: Service>(&self, asker: &Asker<S>, service: &str) -> Told<bool> {
         let readers = self.session(|session| session.context.domain_participant().discovered_readers());
         let readers = readers.map_err(|error| error.to_string())?;
         let (topic, now) = (format!("rq{service}Request"), Instant::now());

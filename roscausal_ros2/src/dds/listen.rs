@@ -90,8 +90,8 @@ impl Participant {
             Arc::new(RawType { type_name: kind.to_owned(), definition: String::new(), wire: Wire::Cdr });
         let senders = Senders::new(Arc::downgrade(self), dds_type);
         let deliver = move |bytes: Vec<u8>| gate.pass(|| callback(Raw { kind: raw.clone(), bytes }));
-        self.rest();
-        Ok(self.spawn(format!("topic '{name}'"), move || read(reader, senders, deliver)))
+        self.spinner.rest();
+        Ok(self.spinner.spawn(format!("topic '{name}'"), move || read(reader, senders, deliver)))
     }
 }
 

@@ -3,14 +3,12 @@
 use std::{
     any::{Any, TypeId},
     collections::{HashMap, HashSet},
-    future::Future,
     net::{IpAddr, Ipv4Addr},
     sync::{Arc, Mutex, Weak},
     thread,
     time::{Duration, Instant},
 };
 
-use futures::future::AbortHandle;
 use ros2_client::{
     Context, MessageTypeName, Name, NodeName, NodeOptions, entities_info::ParticipantEntitiesInfo,
 };
@@ -34,7 +32,7 @@ pub(crate) struct Participant {
     /// Whether what it sends may be encrypted.
     pub(super) secured: bool,
     pub(super) graph: Arc<Graph>,
-    spinner: Spinner,
+    pub(super) spinner: Spinner,
     /// `None` once it has left.
     session: Arc<Mutex<Option<Session>>>,
     /// Type of each topic that the node uses.
@@ -121,7 +119,7 @@ impl Participant {
             leaving: Mutex::default(),
         };
         let graph = this.graph.clone();
-        this.spawn("discovery", move || async move { graph.watch(context).await });
+        this.spinner.spawn("discovery".into(), move || async move { graph.watch(context).await });
         let session = Arc::downgrade(&this.session);
         watchdog::watch(move || answers(&session), watchdog::PATIENCE, on_hang);
         Ok(Arc::new(this))
@@ -134,20 +132,6 @@ impl Participant {
     pub(super) fn session<T>(&self, work: impl FnOnce(&mut Session) -> T) -> Result<T> {
         let mut session = lock(&self.session);
         session.as_mut().map(work).ok_or_else(|| Error::Middleware("the node has left the graph".into()))
-    }
-
-    /// Runs a task on the thread that reads all input. The task must not block.
-    pub(super) fn spawn<F: Future<Output = ()> + 'static>(
-        &self,
-        name: impl Into<String>,
-        task: impl FnOnce() -> F + Send + 'static,
-    ) -> AbortHandle {
-        self.spinner.spawn(name.into(), task)
-    }
-
-    /// See [`Spinner::rest`].
-    pub(super) fn rest(&self) {
-        self.spinner.rest();
     }
 
     /// `(topic, package/Name)` of the topics that have a publisher, in order; none once the node has left.

@@ -112,7 +112,7 @@ impl Participant {
         let server =
             server.map_err(|error| Error::Service { service: name.to_owned(), reason: error.to_string() })?;
         let name = name.to_owned();
-        Ok(self.spawn(format!("service {name}"), move || async move {
+        Ok(self.spinner.spawn(format!("service {name}"), move || async move {
             let mut requests = server.receive_request_stream();
             let mut open = FuturesUnordered::new();
             loop {

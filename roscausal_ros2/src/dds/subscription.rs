@@ -66,7 +66,7 @@ impl Participant {
         let deliver = move |message: M| its_gate.pass(|| callback(message));
         let registered = Registered { graph: self.graph.clone(), guid: reader.guid() };
         let (node, kind) = (Arc::downgrade(self), dds_topic.get_type().name().to_owned());
-        let task = self.spawn(format!("topic '{topic}'"), move || async move {
+        let task = self.spinner.spawn(format!("topic '{topic}'"), move || async move {
             let _registered = registered;
             read(reader, topic, Senders::new(node, kind), deliver).await;
         });

@@ -17,8 +17,11 @@ pub(crate) struct Writer<M: Serialize> {
     profile: QosProfile,
     renew_after: usize,
     pub(crate) sent: usize,
-    publisher: ros2_client::Publisher<Padded<M>>,
+    publisher: Inner<M>,
 }
+
+/// The library's publisher of one history.
+type Inner<M> = ros2_client::Publisher<Padded<M>>;
 
 impl<M: Serialize> Writer<M> {
     /// A publisher with this profile whose history starts over after this many messages.
@@ -35,11 +38,7 @@ impl<M: Serialize> Writer<M> {
         Ok(Self { topic, profile, renew_after, sent: 0, publisher })
     }
 
-    fn publisher(
-        participant: &Participant,
-        topic: &Topic,
-        profile: &QosProfile,
-    ) -> Result<ros2_client::Publisher<Padded<M>>> {
+    fn publisher(participant: &Participant, topic: &Topic, profile: &QosProfile) -> Result<Inner<M>> {
         let made =
             participant.session(|session| session.node.create_publisher(topic, Some(profile.clone())))?;
         let publisher =

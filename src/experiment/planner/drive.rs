@@ -32,6 +32,8 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const LOOK_AGAIN: Duration = Duration::from_millis(1);
 /// What an error calls the node that answers.
 const REASONING: &str = "the reasoning node";
+/// Folder of the post-processed batches.
+const PROCESSED: &str = "processed";
 /// Seconds simulated before a batch begins.
 const WARM_UP_S: f64 = 3.0;
 
@@ -98,25 +100,18 @@ pub(super) fn explore(
     let scenario = Scenario { duration: seconds + WARM_UP_S, ..scenario.clone() };
     let mut simulation = Simulation::new(&scenario, seed)?;
     let bus = Loopback::lockstep();
-    let (raw, processed) = (out.join("raw"), out.join("processed"));
-    let nodes = recording(&bus, &simulation, &raw, &processed, seconds);
+    let nodes = recording(&bus, &simulation, out, seconds);
     let run = roscausal_hrisim::node::run_lockstep(&bus, &mut simulation, 1, |_| !interrupt.is_set());
     nodes.end()?;
     run?;
     interrupt.check()?;
-    with_ending(&processed, ".csv")
+    with_ending(&out.join(PROCESSED), ".csv")
 }
 
-/// The nodes that record, with the experiment's variables.
-fn recording(
-    bus: &Loopback,
-    simulation: &Simulation,
-    raw: &Path,
-    processed: &Path,
-    seconds: f64,
-) -> crate::nodes::Nodes {
+/// The nodes that record below `out`, with the experiment's variables.
+fn recording(bus: &Loopback, simulation: &Simulation, out: &Path, seconds: f64) -> crate::nodes::Nodes {
     set_subjects(bus, simulation);
-    set_pools(bus, raw, processed);
+    set_pools(bus, &out.join("raw"), &out.join(PROCESSED));
     let set = |name: &str, value: Value| bus.set_node_param("data", name, value);
     set("dt", Value::Double(DT));
     set("ts_length", Value::Double(seconds));
@@ -138,8 +133,7 @@ pub(super) fn trial(
     let mut simulation = Simulation::new(&scenario, seed)?;
     let bus = Loopback::lockstep();
     let folder = tempfile::tempdir().map_err(|e| Error::file(std::env::temp_dir(), e))?;
-    let recording =
-        recording(&bus, &simulation, &folder.path().join("raw"), &folder.path().join("processed"), 0.0);
+    let recording = recording(&bus, &simulation, folder.path(), 0.0);
     let reasoning = if policy == Policy::Planner { Some(reasoning(&bus, nodes)?) } else { None };
     let driven = drive(&bus, &mut simulation, (policy, legs), nodes, interrupt);
     let ended = reasoning.map_or(Ok(()), |node| node.end(REASONING));

@@ -80,8 +80,7 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let figures = Figures::of(&cases, &deviations(&training));
     let json = serde_json::to_string_pretty(&figures).map_err(|e| Error::Data(e.to_string()))? + "\n";
     let files = [("cases.csv", tables::csv(&cases)), ("figures.json", json)];
-    let text = format!("{}\n", tables::text(&figures, &found, trained));
-    end(&runner.out, results, Some(&found), &files, &text)
+    end(&runner.out, results, Some(&found), &files, &format!("{}\n", tables::text(&figures, &found, trained)))
 }
 
 impl Args {

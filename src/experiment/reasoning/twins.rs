@@ -6,7 +6,6 @@ use roscausal_core::{
     batch::{
         Recording,
         postprocess::{Feature, Postprocess},
-        risk::RiskModel,
     },
 };
 use roscausal_hrisim::Scenario;
@@ -50,7 +49,7 @@ pub(super) fn walk(scenario: &Scenario, seed: u64, seconds: f64, interrupt: &Int
 fn variables(recording: &Recording) -> Result<Array2<f64>> {
     // The variables of this experiment have no risk.
     let features = Feature::parse("features", &FEATURES.map(str::to_owned))?;
-    let postprocess = Postprocess { features, ..runs::postprocess(RiskModel::default(), 0, 0.0, 0)? };
+    let postprocess = Postprocess { features, ..runs::postprocess(0, 0.0, 0)? };
     let columns = postprocess.run(recording)?.columns;
     Ok(Array2::from_shape_fn((recording.n_rows(), FEATURES.len()), |(row, var)| columns[var].values[row]))
 }

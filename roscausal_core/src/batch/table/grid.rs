@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::{Cells, Separator, binary, binary::Column, columns::check_count, dialect, reader, time};
-use crate::{Error, Result, memory::Memory};
+use crate::{Error, Result, grammar::Parsed, memory::Memory};
 
 /// The first lines, among which the header is looked for.
 const HEAD: usize = 200;
@@ -48,7 +48,7 @@ impl Grid {
         missing: &[f64],
         memory: Memory,
         is_header: impl Fn(&[String]) -> bool,
-    ) -> std::result::Result<Self, String> {
+    ) -> Parsed<Self> {
         let lines: Vec<(usize, &[u8])> =
             dialect::lines(text).filter(|(_, line)| !line.trim_ascii().is_empty()).take(HEAD).collect();
         let separators =
@@ -94,13 +94,7 @@ fn words(line: &[u8], separator: Separator) -> Vec<String> {
     dialect::words(line, separator)
 }
 
-fn columns_of(
-    body: &[u8],
-    separator: u8,
-    named: bool,
-    missing: &[f64],
-    memory: Memory,
-) -> std::result::Result<Grid, String> {
+fn columns_of(body: &[u8], separator: u8, named: bool, missing: &[f64], memory: Memory) -> Parsed<Grid> {
     let mut records = reader(body, separator).into_byte_records();
     let mut names: Vec<String> = Vec::new();
     if named {

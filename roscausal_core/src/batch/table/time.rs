@@ -188,8 +188,7 @@ pub(crate) fn date(text: &str) -> Option<f64> {
     let of_day = ["%H:%M:%S%.f", "%I:%M:%S%.f %p", "%I:%M %p"]
         .into_iter()
         .find_map(|format| NaiveTime::parse_from_str(text, format).ok())?;
-    let since = of_day.signed_duration_since(NaiveTime::MIN);
-    Some(since.num_nanoseconds()? as f64 * 1e-9)
+    Some(of_day.signed_duration_since(NaiveTime::MIN).num_nanoseconds()? as f64 * 1e-9)
 }
 
 /// The first day of a month: `1974-01`, `1974M01`, `Jan-1974`. What has the signs of a longer date is not looked at: there are many.
@@ -204,13 +203,7 @@ fn month(text: &str) -> Option<NaiveDate> {
 
 /// When a quarter of a year begins, in seconds since 1970.
 fn quarter_begins(year: &str, quarter: &str) -> Option<f64> {
-    let month = match quarter {
-        "1" => 1,
-        "2" => 4,
-        "3" => 7,
-        "4" => 10,
-        _ => return None,
-    };
+    let month = 3 * ["1", "2", "3", "4"].iter().position(|known| *known == quarter)? as u32 + 1;
     Some(begins(NaiveDate::from_ymd_opt(year.parse().ok()?, month, 1).filter(has_year)?))
 }
 

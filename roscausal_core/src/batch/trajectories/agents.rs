@@ -19,6 +19,7 @@ use crate::{
         table::{binary::Column, grid::Grid, median, time},
         tracks::{Track, Values},
     },
+    grammar::Parsed,
     memory::Memory,
     state::human::{PeopleTracker, Sighting, walking},
 };
@@ -57,6 +58,7 @@ pub struct Agents {
 /// The rows of one agent, before they are states.
 #[derive(Default)]
 struct Raw {
+    name: String,
     is_robot: bool,
     samples: Vec<Sample>,
 }
@@ -83,17 +85,17 @@ impl Agents {
     }
 
     fn of(
-        mut raw: Vec<(String, Raw)>,
+        mut raw: Vec<Raw>,
         reading: &TrajectoryReading,
         counts_frames: bool,
         mut notes: Vec<String>,
-    ) -> std::result::Result<Self, String> {
-        raw.retain(|(_, raw)| !raw.samples.is_empty());
+    ) -> Parsed<Self> {
+        raw.retain(|raw| !raw.samples.is_empty());
         if raw.is_empty() {
             return Err("nobody is in it: no row has a time, x and y".into());
         }
         let mut doubles = 0;
-        for (_, raw) in &mut raw {
+        for raw in &mut raw {
             raw.samples.sort_by(|a, b| a.time.total_cmp(&b.time));
             let before = raw.samples.len();
             raw.samples.dedup_by(|b, a| a.time == b.time);
@@ -102,21 +104,20 @@ impl Agents {
         if doubles > 0 {
             notes.push(format!("{doubles} rows are left out: the agent has one with the same time already"));
         }
-        let tracks = || raw.iter().map(|(_, raw)| raw.samples.as_slice());
-        if let Some(reported) = motion::degrees(tracks()) {
+        if let Some(reported) = motion::degrees(raw.iter().map(|raw| raw.samples.as_slice())) {
             notes.push(reported);
-            raw.iter_mut().flat_map(|(_, raw)| &mut raw.samples).for_each(Sample::turn_into_radians);
+            raw.iter_mut().flat_map(|raw| &mut raw.samples).for_each(Sample::turn_into_radians);
         }
-        raw.iter_mut().flat_map(|(_, raw)| &mut raw.samples).for_each(Sample::with_velocity);
+        raw.iter_mut().flat_map(|raw| &mut raw.samples).for_each(Sample::with_velocity);
         let missing = Missing { rate: counts_frames && reading.frame_rate.is_none(), unit: reading.unit };
-        let tracks: Vec<&[Sample]> = raw.iter().map(|(_, raw)| raw.samples.as_slice()).collect();
+        let tracks: Vec<&[Sample]> = raw.iter().map(|raw| raw.samples.as_slice()).collect();
         let found = motion::found(&tracks, &missing)?;
         notes.extend(found.notes);
-        raw.iter_mut().flat_map(|(_, raw)| &mut raw.samples).for_each(|sample| sample.time /= found.rate);
-        let pairs = raw.iter().flat_map(|(_, raw)| raw.samples.windows(2));
+        raw.iter_mut().flat_map(|raw| &mut raw.samples).for_each(|sample| sample.time /= found.rate);
+        let pairs = raw.iter().flat_map(|raw| raw.samples.windows(2));
         let usual_step = median(pairs.map(|pair| pair[1].time - pair[0].time));
         let agents = raw.into_iter().enumerate();
-        let all = agents.map(|(place, (name, raw))| Agent::of(name, place, &raw, found.unit, reading));
+        let all = agents.map(|(place, raw)| Agent::of(raw, place, found.unit, reading));
         Ok(Self { all: all.collect(), notes, usual_step: usual_step.unwrap_or(1.0) })
     }
 
@@ -168,8 +169,8 @@ impl Agents {
 }
 
 impl Agent {
-    fn of(name: String, place: usize, raw: &Raw, unit: PositionUnit, reading: &TrajectoryReading) -> Self {
-        let number = name.parse::<f64>().ok().filter(|id| id.fract() == 0.0 && (0.0..4e9).contains(id));
+    fn of(raw: Raw, place: usize, unit: PositionUnit, reading: &TrajectoryReading) -> Self {
+        let number = raw.name.parse::<f64>().ok().filter(|id| id.fract() == 0.0 && (0.0..4e9).contains(id));
         let id = number.map_or(place as u32 + 1, |id| id as u32);
         let per_metre = unit.per_metre();
         let scaled = |(x, y): (f64, f64)| (x / per_metre, y / per_metre);
@@ -199,7 +200,7 @@ impl Agent {
         let from = raw.samples.first().map_or((0.0, 0.0), |sample| sample.place);
         let is_near = |s: &Sample| (s.place.0 - from.0).hypot(s.place.1 - from.1) < STILL * per_metre;
         let stands = raw.samples.iter().all(is_near);
-        Self { name, id, is_robot: raw.is_robot, stands, start, end, track }
+        Self { name: raw.name, id, is_robot: raw.is_robot, stands, start, end, track }
     }
 
     /// The values at these stamps; unknown where the agent is not there.
@@ -214,19 +215,17 @@ fn raw(
     layout: &Layout,
     reading: &TrajectoryReading,
     notes: &mut Vec<String>,
-) -> std::result::Result<Vec<(String, Raw)>, String> {
-    let (clock, rows) = match layout {
-        Layout::Long(clock, _) | Layout::Wide(clock, _) => (clock, grid.columns[0].1.len()),
-    };
-    let times = times(grid, *clock, rows, reading, notes)?;
-    let mut agents: Vec<(String, Raw)> = Vec::new();
+) -> Parsed<Vec<Raw>> {
+    let (Layout::Long(clock, _) | Layout::Wide(clock, _)) = layout;
+    let times = times(grid, *clock, reading, notes)?;
+    let mut agents: Vec<Raw> = Vec::new();
     let mut places: BTreeMap<String, usize> = BTreeMap::new();
     let mut add = |name: String, is_robot: bool, sample: Sample| {
         let place = *places.entry(name.clone()).or_insert_with(|| {
-            agents.push((name.clone(), Raw::default()));
+            agents.push(Raw { name: name.clone(), ..Raw::default() });
             agents.len() - 1
         });
-        let raw = &mut agents[place].1;
+        let raw = &mut agents[place];
         raw.is_robot |= is_robot || name.to_lowercase().contains("robot");
         if sample.time.is_finite() && sample.place.0.is_finite() && sample.place.1.is_finite() {
             raw.samples.push(sample);
@@ -276,10 +275,9 @@ fn middle(grid: &Grid, markers: &[(usize, usize)], row: usize) -> (f64, f64) {
 fn times(
     grid: &Grid,
     clock: Clock,
-    rows: usize,
     reading: &TrajectoryReading,
     notes: &mut Vec<String>,
-) -> std::result::Result<Vec<f64>, String> {
+) -> Parsed<Vec<f64>> {
     let (column, unit) = match clock {
         Clock::Frame(column) => {
             // Seconds if the rate is known, frames otherwise.
@@ -288,7 +286,8 @@ fn times(
                 let setting = Named("frame_rate");
                 return Err(format!("{setting} {rate} is not a number of frames per second above 0"));
             }
-            return Ok((0..rows).map(|row| grid.columns[column].1.number(row) / rate).collect());
+            let frames = &grid.columns[column].1;
+            return Ok((0..frames.len()).map(|row| frames.number(row) / rate).collect());
         }
         Clock::Time(column, unit) => (column, unit),
     };

@@ -19,7 +19,7 @@ use roscausal_discovery::{Named, same_value};
 use super::{
     EndedBy, Recording, Select, Table, Values,
     postprocess::{Obstacle, Postprocess},
-    table::Note,
+    table::{Note, median},
 };
 use crate::{Error, Result, Time};
 
@@ -281,9 +281,7 @@ impl<'a> Scene<'a> {
             let others = batch.others.values().map(|rows| &rows[row]).chain([&batch.robot[row]]);
             others.map(|other| distance(row, other)).filter(|d| d.is_finite()).min_by(f64::total_cmp)
         };
-        let mut distances: Vec<f64> = (0..rows.len()).filter_map(nearest).collect();
-        distances.sort_by(f64::total_cmp);
-        Ok(distances.get(distances.len() / 2).copied().unwrap_or(f64::INFINITY))
+        Ok(median((0..rows.len()).filter_map(nearest)).unwrap_or(f64::INFINITY))
     }
 
     /// The rows of one agent: from the first step at which it is there to the last, with the others around it.

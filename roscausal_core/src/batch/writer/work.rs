@@ -69,8 +69,7 @@ impl Work {
                 return;
             }
             drop(status);
-            let looks = TRY_AGAIN.as_millis() / LOOK_AGAIN.as_millis();
-            (0..looks)
+            (0..TRY_AGAIN.as_millis() / LOOK_AGAIN.as_millis())
                 .take_while(|_| !self.ending.load(Ordering::Relaxed))
                 .for_each(|_| thread::sleep(LOOK_AGAIN));
         }

@@ -48,10 +48,7 @@ impl Column {
 }
 
 /// The columns of a file, by name; `None` if the bytes are no such file.
-pub(in crate::batch::table) fn columns(
-    bytes: &[u8],
-    memory: Memory,
-) -> Option<Parsed<Vec<(String, Column)>>> {
+pub(super) fn columns(bytes: &[u8], memory: Memory) -> Option<Parsed<Vec<(String, Column)>>> {
     if bytes.starts_with(b"\x93NUMPY") {
         return Some(numpy::array_file(bytes, memory).map_err(Complaint::File));
     }

@@ -26,8 +26,7 @@ struct Array {
 
 /// The columns of a `.npy` file.
 pub(super) fn array_file(bytes: &[u8], memory: Memory) -> Result<Vec<(String, Column)>, String> {
-    let array = array(bytes, memory)?;
-    Ok(columns_of("x", array, &[]))
+    Ok(columns_of("x", array(bytes, memory)?, &[]))
 }
 
 /// The columns of a `.npz` file; `None` if the ZIP archive holds no array.
