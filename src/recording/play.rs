@@ -35,8 +35,10 @@ const AFTER_HOLE_NS: i64 = 60 * 1_000_000_000;
 const LONGEST_HOLE_NS: i64 = 30 * 86_400 * 1_000_000_000;
 /// With fewer sightings for each row, rows are closer than sightings, of which a few may be lost.
 const ENOUGH: f64 = 0.85;
-/// Rows that reach farther ahead make links at lag 0 in a recording of 1200 rows (`roscausal_core/examples/sightings.rs`). Steps.
-const FAR_AHEAD: f64 = 0.05;
+/// Rows that are more uneven make links at lag 0 in a recording of 1200 rows (`roscausal_core/examples/sightings.rs`). Steps.
+const UNEVEN: f64 = 0.05;
+/// Of so many sightings for each row, the newest is held.
+const HELD: f64 = 2.5;
 /// What of the nodes' diagnostics is kept.
 const SAID: [&str; 5] = [labels::NAMES, labels::CHANGED, labels::PER_ROW, labels::AHEAD, labels::FOLLOWS];
 type Troubles = Arc<Mutex<BTreeMap<String, String>>>;
@@ -225,8 +227,8 @@ impl<'a> Play<'a> {
 }
 
 /// What rows that are close, compared with sightings, mean for links at lag 0.
-fn of_rows((per_row, ahead): (f64, f64)) -> Option<String> {
-    let (per_row, ahead) = (per_row / 100.0, ahead / 1000.0);
+fn of_rows((per_row, uneven): (f64, f64)) -> Option<String> {
+    let (per_row, uneven) = (per_row / 100.0, uneven / 1000.0);
     if per_row > 0.0 && per_row < ENOUGH {
         let times = 1.0 / per_row;
         return Some(format!(
@@ -234,12 +236,12 @@ fn of_rows((per_row, ahead): (f64, f64)) -> Option<String> {
              times as long has one for each row"
         ));
     }
-    (ahead > FAR_AHEAD).then(|| {
+    (uneven > UNEVEN && per_row < HELD).then(|| {
         format!(
-            "rows lie between sightings and reach {:.0} % of a step ahead, so a link at lag 0 between a person and the robot may be false; a step \
-             (--dt) {:.1} times as long makes it 3 %, and --param data.sampling=hold uses no later sighting",
-            100.0 * ahead,
-            ahead / 0.03
+            "rows are made at sightings, whose moments are uneven by {:.0} % of a step, so a link at lag 0 between a person and the robot may be \
+             false; with a step (--dt) {:.1} times as long, rows hold the newest sighting instead",
+            100.0 * uneven,
+            HELD / per_row.max(1.0)
         )
     })
 }

@@ -112,8 +112,10 @@ pub struct Recorder {
     /// The rows since the last [`Recorder::take_rows`]; `None`: nobody wants them.
     fresh: Option<Vec<FreshRow>>,
     seen: BTreeSet<u32>,
-    /// Cells of people, and the sums of their intervals and of how far they reach ahead; nanoseconds.
+    /// Cells of people, and the sums of their intervals and of how far they are uneven or reach ahead; nanoseconds.
     spacing: (f64, [f64; 2]),
+    /// The last row with people, and the moment of what it holds; nanoseconds.
+    last_moment: Option<[i64; 2]>,
     /// Cells of people in which they and the robot move, and those in which it follows them.
     following: [u64; 2],
     counts: RecorderCounts,
@@ -146,6 +148,7 @@ impl Recorder {
             fresh: None,
             seen: BTreeSet::new(),
             spacing: (0.0, [0.0; 2]),
+            last_moment: None,
             following: [0; 2],
             counts: RecorderCounts::default(),
         }
@@ -424,8 +427,8 @@ impl Recorder {
         &self.counts
     }
 
-    /// Sightings of a person for each row, and how far rows reach ahead of their times, to the sightings after them, as a share of
-    /// the step; `None` before the first row of a person.
+    /// Sightings of a person for each row, and how far the moments of rows are from even or what they hold reaches ahead of them, to later
+    /// sightings, as a share of the step; `None` before the first row of a person.
     pub fn spacing(&self) -> Option<[f64; 2]> {
         let (cells, [interval, ahead]) = self.spacing;
         let step = cells * self.dt_ns as f64;

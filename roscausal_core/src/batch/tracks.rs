@@ -30,7 +30,7 @@ const SAME_WAY: f64 = 0.8;
 
 /// What a row holds of the samples around it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase", try_from = "Written")]
+#[serde(rename_all = "lowercase")]
 pub enum Sampling {
     /// [`Self::Hold`] where samples usually come about two and a half times a row or more often, else [`Self::Linear`].
     #[default]
@@ -42,25 +42,6 @@ pub enum Sampling {
 }
 
 roscausal_discovery::words!(Sampling, "sampling": Auto "auto", Linear "linear", Hold "hold");
-
-/// As journals have it; older ones say whether rows hold.
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Written {
-    Holds(bool),
-    Word(String),
-}
-
-impl TryFrom<Written> for Sampling {
-    type Error = roscausal_discovery::Error;
-
-    fn try_from(written: Written) -> Result<Self, Self::Error> {
-        match written {
-            Written::Holds(holds) => Ok(if holds { Self::Hold } else { Self::Linear }),
-            Written::Word(word) => word.parse(),
-        }
-    }
-}
 
 /// A recorded quantity; in the order of a robot's columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -62,7 +62,7 @@ pub mod labels {
     /// The data node: how close rows are, compared with sightings.
     pub const PER_ROW: &str = "sightings for 100 rows";
     /// How much later than a row its values may be seen.
-    pub const AHEAD: &str = "reach ahead of rows, 1/1000 of a step";
+    pub const AHEAD: &str = "rows uneven or ahead, 1/1000 of a step";
     /// How much of the time the robot keeps following people.
     pub const FOLLOWS: &str = "rows in which the robot follows, of 100 in which both move";
 }

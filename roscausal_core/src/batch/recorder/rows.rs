@@ -66,12 +66,14 @@ impl Recorder {
             signals: self.signals.iter().map(|track| (track.name.clone(), Vec::new())).collect(),
             ..Recording::default()
         });
+        let before = if people.is_empty() { None } else { self.last_moment.replace([row, moment]) };
+        let uneven = before.map_or(0, |[last, before]| (moment - row).abs_diff(before - last)) as f64;
         for track in people.iter().filter_map(|(id, _)| self.people.get(id)) {
             let Some([interval, ahead]) = track.spacing(moment) else { continue };
             let (cells, [intervals, all_ahead]) = &mut self.spacing;
             *cells += 1.0;
             *intervals += interval;
-            *all_ahead += if track.holds(self.dt_ns, sampling) { 0.0 } else { ahead };
+            *all_ahead += if track.holds(self.dt_ns, sampling) { 0.0 } else { ahead + uneven };
         }
         let follows = people.iter().filter_map(|(_, person)| robot.as_ref()?.follows(person));
         for is_following in follows {
