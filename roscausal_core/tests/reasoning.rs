@@ -164,6 +164,10 @@ fn a_planner_is_told_which_action_is_best_and_what_the_answer_rests_on() {
     assert!((d(1) - d(0) - truth).abs() < 0.15 * truth, "{} instead of {truth}", d(1) - d(0));
     let says = |what: &str| answer.caveats.iter().any(|caveat| caveat.contains(what));
     assert!(says("live score of the last") && says("was found 120 s ago"), "{:?}", answer.caveats);
+    assert!(!says("newest row is"), "{:?}", answer.caveats);
+    bench.bus.advance_to(answer.stamp.plus_secs(2.0));
+    let later = bench.ask(&slow_or_fast()).caveats;
+    assert!(later.iter().any(|caveat| caveat.contains("the newest row is 2.0 s old")), "{later:?}");
 
     let why = ExplainRequest { variable: "d".into(), ..ExplainRequest::default() };
     let why = bench.planner.call::<Explain>(nodes::EXPLAIN_SERVICE, &why, PATIENCE).expect("an answer");

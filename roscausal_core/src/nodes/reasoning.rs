@@ -76,6 +76,8 @@ const MOST_QUESTIONS: usize = 64;
 const REST: u32 = 4;
 /// Steps that an explanation without times looks back over.
 const LOOK_BACK: usize = 10;
+/// An answer says how old its newest row is from so many steps on. Steps.
+const OLD: f64 = 3.0;
 
 enum Event {
     Features(Features),
@@ -437,6 +439,17 @@ impl<M: Middleware> Node<M> {
         [age, self.score.sentence(), self.score.trouble()].into_iter().flatten().collect()
     }
 
+    /// How old the row is that an answer begins at, if that is more than a robot takes for now.
+    fn age(&self, moment: &Moment) -> Option<String> {
+        let age_s = self.mw.now().secs_since(moment.stamp(moment.now));
+        let steps = age_s / self.rows.step_s()?;
+        (steps > OLD).then(|| {
+            format!(
+                "the newest row is {age_s:.1} s old, {steps:.0} steps, and the forecast begins there, not now"
+            )
+        })
+    }
+
     /// Computes an answer beside the node, in line on a lockstep bus.
     fn answer<R: Send + 'static>(
         &mut self,
@@ -494,7 +507,8 @@ impl<M: Middleware> Node<M> {
             Ok(both) => both,
             Err((status, reason)) => return reply.send(refuse(status, reason)),
         };
-        let caveats = self.caveats();
+        let mut caveats = self.caveats();
+        caveats.extend(self.age(&moment).filter(|_| stamp == Time::ZERO));
         self.answer(reply, refuse, move || {
             let situation = Situation { rows: moment.rows.view(), now: moment.now };
             let mut answer = answer::what_if_until(&model, &situation, &question, &late);
