@@ -32,6 +32,7 @@ fn a_link_is_found_as_in_the_exact_rows_whatever_the_rate_and_the_jitter() {
     for tracker in [
         TRACKER,
         Tracker { jitter_s: 0.005, ..TRACKER },
+        Tracker { interval_s: 1.0 / 12.0, ..TRACKER },
         Tracker { interval_s: 0.2, dt_s: 0.2, jitter_s: 0.02, ..TRACKER },
         Tracker { interval_s: 0.02, jitter_s: 0.02, stamps: Stamps::True, lost: 0.1, ..TRACKER },
         Tracker { interval_s: 0.1, dt_s: 0.5, jitter_s: 0.02, lost: 0.1, ..TRACKER },
