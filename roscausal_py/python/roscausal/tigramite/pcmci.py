@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .. import _native
 from .._native import SettingError
-from ..quick import whole
+from ..quick import plain, whole
 from . import results
 from .data_processing import DataFrame
 from .independence_tests.independence_tests_base import check_test
@@ -121,7 +121,8 @@ class PCMCI:
             if hasattr(test, "run_test_raw") and not hasattr(test, "spec"):
                 # On nodes it would look at the data as they are.
                 test = SimpleNamespace(run_test_raw=test.run_test_raw)
-        found = _native.run(frame, method, json.dumps(settings, default=_plain), getattr(test, "spec", test))
+        text = json.dumps(settings, default=lambda value: plain(value, "a list"))
+        found = _native.run(frame, method, text, getattr(test, "spec", test))
         self.remarks = found["remarks"]
         if found["candidates"]:
             nodes = {j: [(var, -lag) for var, lag in of] for j, of in enumerate(found["parents"])}
@@ -445,10 +446,3 @@ def _repeatable(method: str) -> None:
     known = ["run_pcmci", "run_pcmciplus", "run_mci", "run_fullci", "run_bivci", "get_lagged_dependencies", "run_lpcmci", "run_jpcmciplus"]
     if method not in known:
         raise SettingError(f"setting 'method': '{method}' cannot be run again and again; allowed: {', '.join(known)}")
-
-
-def _plain(value: Any) -> Any:
-    """numpy's numbers and arrays as JSON has them."""
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise SettingError(f"a setting is {value!r}, of type {type(value).__name__}, which is neither a number nor a list")
