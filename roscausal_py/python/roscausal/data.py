@@ -6,8 +6,8 @@ import os
 import re
 import tempfile
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -87,17 +87,20 @@ class Recordings:
         """
         for name in columns:
             if name not in self.names:
-                import difflib
-
-                near = difflib.get_close_matches(name, self.names, 1)
-                hint = f"; did you mean '{near[0]}'?" if near else ""
-                known = ", ".join(self.names)
-                what = f"setting 'columns': there is no column '{name}'{hint} (columns: {known})"
-                raise SettingError(_native.visible(what))
+                what = f"there is no column '{name}'{nearest(name, self.names)} (columns: {', '.join(self.names)})"
+                raise SettingError(_native.visible(f"setting 'columns': {what}"))
         places = [self.names.index(name) for name in columns]
         arrays = [np.ascontiguousarray(array[:, places]) for array in self.arrays]
         exogenous = [name for name in self.exogenous if name in columns]
         return Recordings(list(columns), arrays, self.dt, exogenous, self.warnings, self.masked)
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The end of a message about an unknown name."""
+    import difflib
+
+    near = difflib.get_close_matches(name, known, 1)
+    return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def read(*paths: str | os.PathLike[str], **options: object) -> Recordings:
@@ -202,8 +205,7 @@ def recordings_of(data: Any, columns: Sequence[Any] | None = None, **reading: An
             found = _read_as_told(files, reading)
         except (DataError, SettingError) as error:
             raise type(error)(str(error).replace(folder + os.sep, "").replace(".npz", "")) from None
-        notes = [note.replace(folder + os.sep, "").replace(".npz", "") for note in found.warnings]
-    found = Recordings(found.names, found.arrays, found.dt, found.exogenous, notes, found.masked)
+    found = replace(found, warnings=[note.replace(folder + os.sep, "").replace(".npz", "") for note in found.warnings])
     return found if names is None or told else found.select(names)
 
 
@@ -218,10 +220,9 @@ def _read_as_told(files: Sequence[Any], reading: dict[str, Any]) -> Recordings:
 
 
 def _save(path: str, table: Mapping[str, NDArray[Any]]) -> None:
-    lengths = {len(column) for column in table.values()}
     if not table:
         raise DataError("no data: the table has no column")
-    if len(lengths) != 1:
+    if len({len(column) for column in table.values()}) != 1:
         sizes = _native.visible(", ".join(f"{name}: {len(column)}" for name, column in table.items()))
         raise DataError(f"the series have different lengths ({sizes}); give all of one recording the same times")
     # savez takes names as keywords, and one of them as its own.
@@ -334,9 +335,8 @@ def array_of(values: Any, what: str = "the array") -> NDArray[np.float64]:
         raise DataError(f"{what} has shape {array.shape}; data are (T, N), times in rows and variables in columns")
     if array.dtype.kind not in "fiub":
         raise DataError(f"{what} holds {array.dtype}, not numbers")
-    if isinstance(array, np.ma.MaskedArray):
-        array = np.ma.filled(array.astype(np.float64), np.nan)  # type: ignore[no-untyped-call, unused-ignore]
-    return np.ascontiguousarray(array, dtype=np.float64)
+    filled = np.ma.filled(array.astype(np.float64, copy=False), np.nan)  # type: ignore[no-untyped-call, unused-ignore]
+    return np.ascontiguousarray(filled, dtype=np.float64)
 
 
 def _arrow(data: Any) -> dict[str, NDArray[Any]]:

@@ -9,19 +9,9 @@ import numpy as np
 
 from ._native import DataError
 
-#: Fields of a model that the message of its settings has, under the same name or another.
-_OF_INFO = {
-    "method": "method",
-    "cond_ind_test": "cond_ind_test",
-    "alpha": "alpha",
-    "pc_alpha": "pc_alpha",
-    "fdr": "fdr_method",
-    "tau_min": "min_lag",
-    "tau_max": "max_lag",
-    "dt": "dt",
-    "n_samples": "n_samples",
-    "seed": "seed",
-}
+#: Fields of a model that the message of its settings has under the same name, and under another.
+_SAME = ("method", "cond_ind_test", "alpha", "pc_alpha", "dt", "n_samples", "seed")
+_OF_INFO = {**{name: name for name in _SAME}, "fdr": "fdr_method", "tau_min": "min_lag", "tau_max": "max_lag"}
 
 #: Most places for links of a message: variables times variables times lags.
 _MOST_PLACES = 4_000_000
@@ -55,14 +45,12 @@ def text_of(causal_model: Any, info: Any) -> str:
     for i, j, lag in np.ndindex(n, n, n_lags):
         at, here = (lag, j, i), (i, j, lag + tau_min)
         own = told.get((names[i], names[j], lag + tau_min))
-        if not there[at] and own is None:
+        both = lag + tau_min == 0 and bool(there[lag, i, j])
+        if own is None and (not there[at] or (both and (names[j], names[i], 0) in told)):
             continue
         if lag + tau_min == 0 and i == j:
             raise DataError(f"a link of '{names[i]:.80}' to itself at lag 0 cannot be")
-        both = lag + tau_min == 0 and bool(there[lag, i, j])
         mark = own.mark if own is not None else "o-o" if both else "-->"
-        if own is None and both and (names[j], names[i], 0) in told:
-            continue
         strength = {"value": float(val[at]), "p_value": float(pval[at]), "n_used": None}
         if own is not None:
             strength = {"value": float(own.value), "p_value": float(own.p_value), "n_used": int(own.samples) or None}

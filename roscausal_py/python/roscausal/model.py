@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from . import _native
 from ._native import DataError, SettingError
+from .data import Recordings, recordings_of
 from .page import page
 
 if TYPE_CHECKING:
-    from .data import Recordings
     from .reasoning import Effect, Explanation, StructuralModel, WhatIf
 
 
@@ -239,30 +239,30 @@ class Model:
     @cached_property
     def graph(self) -> NDArray[np.str_]:
         """Marks (N, N, tau_max + 1) as [cause, effect, lag]: "", "-->", "<--", "o-o", "x-x"."""
-        return _frozen(self._cube("graph", "<U3"))
+        return self._cube("graph", "<U3")
 
     @cached_property
     def val_matrix(self) -> NDArray[np.float64]:
         """Strengths (N, N, tau_max + 1) as [cause, effect, lag]; NaN where nothing was tested."""
-        return _frozen(self._cube("val_matrix", "f8"))
+        return self._cube("val_matrix", "f8")
 
     @cached_property
     def p_matrix(self) -> NDArray[np.float64]:
         """P-values (N, N, tau_max + 1) as [cause, effect, lag], corrected if a correction was asked for; NaN where nothing was
         tested."""
-        return _frozen(self._cube("p_matrix", "f8"))
+        return self._cube("p_matrix", "f8")
 
     @cached_property
     def n_matrix(self) -> NDArray[np.float64]:
         """Samples that each test used (N, N, tau_max + 1) as [cause, effect, lag]; NaN where nothing was tested, or they are not
         known."""
-        return _frozen(self._cube("n_matrix", "f8"))
+        return self._cube("n_matrix", "f8")
 
     @cached_property
     def outcomes(self) -> NDArray[np.str_]:
         """What became of each entry, (N, N, tau_max + 1) as [cause, effect, lag]: "tested", or why not: "not_asked" by the method,
         "required" or "forbidden" beforehand, "filtered", "no_answer" of the test, "ended" before, "unknown"."""
-        return _frozen(self._cube("outcomes", "<U9"))
+        return self._cube("outcomes", "<U9")
 
     @cached_property
     def link_frequency(self) -> NDArray[np.float64] | None:
@@ -285,11 +285,13 @@ class Model:
         return [Advice(**each) for each in self._fields.get("advice") or []]
 
     def _of_resamples(self, name: str) -> NDArray[np.float64] | None:
-        return None if self._fields.get(name) is None else _frozen(self._cube(name, "f8"))
+        return None if self._fields.get(name) is None else self._cube(name, "f8")
 
     def _cube(self, name: str, dtype: str) -> NDArray[Any]:
         n, lags = len(self._fields["features"]), self._fields["tau_max"] + 1
-        return np.array(self._fields[name], dtype=dtype).reshape(n, n, lags)
+        cube = np.array(self._fields[name], dtype=dtype).reshape(n, n, lags)
+        cube.flags.writeable = False
+        return cube
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -365,14 +367,12 @@ class Model:
             seed: Of all random numbers.
             threads: None: all cores. They do not change the result.
         """
-        from .data import recordings_of
         from .reasoning import StructuralModel
 
         found = self._data if data is None else recordings_of(data)
         if found is None:
             raise DataError("the data of this model are not known: it comes from a file; give them: model.structural(data)")
-        given = {"equations": equations, "acts_on": acts_on, "seed": seed, "threads": threads}
-        return StructuralModel.fit(self._file, found, **given)  # type: ignore[arg-type]
+        return StructuralModel.fit(self._file, found, equations=equations, acts_on=acts_on, seed=seed, threads=threads)
 
     @cached_property
     def _structural(self) -> StructuralModel:
@@ -433,8 +433,7 @@ class Model:
 
     def to_dict(self) -> dict[str, Any]:
         """The model as plain lists and dicts, with the fields of `to_json`."""
-        fields: dict[str, Any] = json.loads(self._text)
-        return fields
+        return dict(json.loads(self._text))
 
     def to_dot(self) -> str:
         """The graph for Graphviz."""
@@ -480,11 +479,6 @@ class Model:
         from .message import text_of
 
         return Model(text_of(causal_model, info))
-
-
-def _frozen(array: NDArray[Any]) -> NDArray[Any]:
-    array.flags.writeable = False
-    return array
 
 
 def load(path: str | os.PathLike[str]) -> Model:

@@ -20,17 +20,14 @@ def page(model: Model, level: str) -> str:
         return "<tr>" + "".join(cell.format(escape(str(each))) for each in cells) + "</tr>"
 
     resampled = model.link_frequency is not None
-    rows = [
-        row([link.cause, link.mark, link.effect, link.lag, "" if link.value is None else f"{link.value:.3f}", link.p] + [_share(link.confidence)] * resampled)
-        for link in model.links
-    ]
+    rows = []
+    for link in model.links:
+        strength = "" if link.value is None else f"{link.value:.3f}"
+        share = "" if link.confidence is None else f"{100 * link.confidence:.0f} %"
+        rows.append(row([link.cause, link.mark, link.effect, link.lag, strength, link.p] + [share] * resampled))
     header = row(["cause", "", "effect", "lag", "strength", "p-value"] + ["found again"] * resampled)
     table = f"<table>{header}{''.join(rows)}</table>" if rows else "<p>No causal link found.</p>"
     status = "" if model.status == "complete" else f"<p><b>{escape(model.status)}</b></p>"
     notes = "".join(f"<li>{escape(warning)}</li>" for warning in model.warnings)
     listed = f"<ul>{notes}</ul>" if notes else ""
     return f"<div><p>{escape(head)}</p>{model.dag().svg}{table}{status}{listed}</div>"
-
-
-def _share(confidence: float | None) -> str:
-    return "" if confidence is None else f"{100 * confidence:.0f} %"

@@ -53,7 +53,8 @@ class Bar:
     def __call__(self, done: int, total: int) -> None:
         words = self.words(done, total, time.monotonic() - self._start)
         if self._shown is not None:
-            self._shown(f"<progress value='{done}' max='{max(total, 1)}'></progress> {escape(words)}", words)
+            bar = f"<progress value='{done}' max='{max(total, 1)}'></progress> {escape(words)}"
+            self._shown.update({"text/html": bar, "text/plain": words}, raw=True)
             return
         share = done / total if total else 1.0
         end = "\n" if done >= total else ""
@@ -66,15 +67,10 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-def _display() -> Callable[[str, str], None] | None:
-    """A function that shows HTML (or text) below the cell, over what it showed before; None outside of a notebook."""
+def _display() -> Any:
+    """What shows HTML (or text) below the cell, over what it showed before; None outside of a notebook."""
     ipython: Any = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython is not None else None
     if shell is None or not hasattr(shell, "kernel"):
         return None
-    handle: Any = ipython.display.display({"text/plain": ""}, raw=True, display_id=True)
-
-    def show(html: str, text: str) -> None:
-        handle.update({"text/html": html, "text/plain": text}, raw=True)
-
-    return show
+    return ipython.display.display({"text/plain": ""}, raw=True, display_id=True)

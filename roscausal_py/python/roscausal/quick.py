@@ -113,20 +113,19 @@ def content_of(given: Any) -> Any:
 
 def as_json(settings: dict[str, Any]) -> str:
     """Settings for the native module; numpy's numbers are numbers."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, Mapping):
-            return dict(value)
-        if hasattr(value, "tolist"):
-            return value.tolist()
-        raise _native.SettingError(f"a setting is {value!r}, of type {type(value).__name__}, which is neither a number nor a word")
-
     for name, value in settings.items():
         if isinstance(value, float) and not math.isfinite(value):
             raise _native.SettingError(f"setting '{name}': {value} is not a finite number")
         if isinstance(value, Mapping):
             settings[name] = {str(key): one for key, one in value.items()}
-    return json.dumps(settings, default=plain)
+    return json.dumps(settings, default=lambda value: dict(value) if isinstance(value, Mapping) else plain(value))
+
+
+def plain(value: Any, what: str = "a word") -> Any:
+    """numpy's numbers and arrays as JSON has them; `what` may stand there beside numbers."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise _native.SettingError(f"a setting is {value!r}, of type {type(value).__name__}, which is neither a number nor {what}")
 
 
 def whole(name: str, value: Any, least: int = 0, what: str = "a whole number of 0 or more") -> int:
@@ -141,8 +140,7 @@ def _completed(function: Callable[..., Model]) -> None:
     table = [one for one in json.loads(_native.words())["settings"] if one["id"] not in ("test", "dt")]
     signature = inspect.signature(function)
     named = list(signature.parameters.values())[:-1]
-    keyword = inspect.Parameter.KEYWORD_ONLY
-    named += [inspect.Parameter(one["id"], keyword, default=one["default"]) for one in table]
+    named += [inspect.Parameter(one["id"], inspect.Parameter.KEYWORD_ONLY, default=one["default"]) for one in table]
     function.__signature__ = signature.replace(parameters=named)  # type: ignore[attr-defined]
     words = [f"{one['id']}: {one['help']}{': ' if one['words'] else ''}{', '.join(one['words'])}" for one in table]
     unset = [f"; None: {one['unset']}." if one["unset"] else "." for one in table]

@@ -6,8 +6,8 @@ import json
 import os
 import pathlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from . import _native
 from ._native import DataError, SettingError
 from .data import Recordings
 from .quick import as_json, whole
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 #: How to take an answer: OK; NOT_SUPPORTED, the data do not reach there; AMBIGUOUS, it depends on a link whose direction is open.
 Status = Literal["OK", "NOT_SUPPORTED", "AMBIGUOUS"]
@@ -101,6 +104,11 @@ class _Answer:
     message: str
     caveats: list[str]
     _words: str = field(repr=False)
+
+    @classmethod
+    def _of(cls, found: dict[str, Any], words: str, **made: Any) -> Self:
+        known = {**found, **made, "_words": words}
+        return cls(**{one.name: known[one.name] for one in fields(cls)})
 
     def __str__(self) -> str:
         word = {"OK": "note", "AMBIGUOUS": "ambiguous", "NOT_SUPPORTED": "not supported by the data"}[self.status]
@@ -313,9 +321,8 @@ class StructuralModel:
             DataError: A graph that is none, or data that lack a variable of it.
             SettingError: A setting that is not allowed.
         """
-        settings: dict[str, Any] = {"equations": equations, "seed": seed, "threads": threads, "dt": data.dt}
-        if acts_on is not None:
-            settings["acts_on"] = dict(acts_on)
+        own = None if acts_on is None else dict(acts_on)
+        settings = {"equations": equations, "seed": seed, "threads": threads, "dt": data.dt, "acts_on": own}
         frame = _native.Frame(data.arrays, data.names)
         return StructuralModel(_native.Structural.fit(frame, graph, as_json(settings)))
 
@@ -418,10 +425,7 @@ class StructuralModel:
         }
         text, words = self._native.what_if(as_json(question), *where)
         found = json.loads(text)
-        return WhatIf(
-            found["status"], found["message"], found["caveats"], words,
-            [_outlook(each) for each in found["outlooks"]], found["ranking"], found["dt"],
-        )  # fmt: skip
+        return WhatIf._of(found, words, outlooks=[_outlook(each) for each in found["outlooks"]])
 
     def effect(self, cause: str, effect: str, max_lag: int = 10, *, standardised: bool = False) -> Effect:
         """How strongly one variable drives another: total, direct, and through others.
@@ -440,12 +444,8 @@ class StructuralModel:
         """
         text, words = self._native.effect(cause, effect, whole("max_lag", max_lag), standardised)
         found = json.loads(text)
-        total, lower, upper, direct = (np.array(found[name], dtype=float) for name in ("total", "lower", "upper", "direct"))
-        mediated = dict(zip(found["mediators"], found["mediated"]))
-        return Effect(
-            found["status"], found["message"], found["caveats"], words,
-            total, lower, upper, direct, mediated, found["adjustment_set"], found["robustness"],
-        )  # fmt: skip
+        arrays = {name: np.array(found[name], dtype=float) for name in ("total", "lower", "upper", "direct")}
+        return Effect._of(found, words, **arrays, mediated=dict(zip(found["mediators"], found["mediated"])))
 
     def explain(
         self,
@@ -480,11 +480,7 @@ class StructuralModel:
         rows = None if from_row is None or to_row is None else (whole("from_row", from_row), whole("to_row", to_row))
         text, words = self._native.explain(variable, recording, rows, whole("horizon", horizon), seed)
         found = json.loads(text)
-        return Explanation(
-            found["status"], found["message"], found["caveats"], words,
-            found["from_row"], found["to_row"], found["change"], found["expected"],
-            [Contribution(**each) for each in found["contributions"]],
-        )  # fmt: skip
+        return Explanation._of(found, words, contributions=[Contribution(**each) for each in found["contributions"]])
 
 
 def _read(text: str) -> StructuralModel:
@@ -492,11 +488,8 @@ def _read(text: str) -> StructuralModel:
 
 
 def _outlook(found: dict[str, Any]) -> Outlook:
-    def array(values: list[Any]) -> NDArray[np.float64]:
-        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
-
     forecasts = [
-        Forecast(each["variable"], *(array(each[name]) for name in ("mean", "lower", "upper", "skill")))
+        Forecast(each["variable"], *(np.array(each[name], dtype=float) for name in ("mean", "lower", "upper", "skill")))
         for each in found["forecasts"]
     ]
     costs = {name: float("nan") if found[name] is None else found[name] for name in ("cost", "cost_lower", "cost_upper")}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -74,9 +74,6 @@ class Rolling(Sequence[Window]):
     def __getitem__(self, index: Any) -> Any:
         return self.windows[index]
 
-    def __iter__(self) -> Iterator[Window]:
-        return iter(self.windows)
-
     def marks(self, cause: str, effect: str, lag: int) -> list[str]:
         """The mark of one link in each window; "" where there is none.
 
@@ -88,31 +85,28 @@ class Rolling(Sequence[Window]):
         Raises:
             SettingError: A name or lag that no window has.
         """
-        places = self._places(cause, effect, lag)
-        return ["" if at is None else str(each.model.graph[at]) for each, at in zip(self.windows, places)]
+        return [str(mark) for mark in self._each("graph", "", cause, effect, lag)]
 
     def values(self, cause: str, effect: str, lag: int) -> NDArray[np.float64]:
         """The strength of one link in each window, (windows,); NaN where F-PCMCI left a variable out. Arguments and errors as `marks`."""
-        places = self._places(cause, effect, lag)
-        return np.array([np.nan if at is None else each.model.val_matrix[at] for each, at in zip(self.windows, places)])
+        return np.array(self._each("val_matrix", np.nan, cause, effect, lag))
 
-    def _places(self, cause: str, effect: str, lag: int) -> list[tuple[int, int, int] | None]:
+    def _each(self, matrix: str, absent: object, cause: str, effect: str, lag: int) -> list[Any]:
         if not self.windows:
             return []
         first = self.windows[0].model
         known = [*first.features, *first.dropped]
         for name in (cause, effect):
             if name not in known:
-                what = f"there is no variable '{name}'; variables: {', '.join(known)}"
-                raise SettingError(_native.visible(what))
+                raise SettingError(_native.visible(f"there is no variable '{name}'; variables: {', '.join(known)}"))
         if not 0 <= lag < first.graph.shape[2]:
             raise SettingError(f"setting 'lag': {lag} is not among 0 to {first.graph.shape[2] - 1}")
-        places: list[tuple[int, int, int] | None] = []
+        entries = []
         for each in self.windows:
             names = each.model.features
             there = cause in names and effect in names
-            places.append((names.index(cause), names.index(effect), lag) if there else None)
-        return places
+            entries.append(getattr(each.model, matrix)[names.index(cause), names.index(effect), lag] if there else absent)
+        return entries
 
     def to_pandas(self) -> Any:
         """All links of all windows as a pandas table: recording, start, end, and the columns of `Model.to_pandas`.

@@ -16,7 +16,6 @@ from ..data import array_of
 from .refusal import NotCovered, missing, unknown
 
 Nodes = Sequence[tuple[int, int]]
-_CUT_OFFS = ("2xtau_max", "tau_max", "max_lag", "max_lag_or_tau_max", "2xtau_max_future")
 __getattr__ = missing(
     __name__, "get_acf", "get_block_length", "lowhighpass_filter", "ordinal_patt_array", "quantile_bin_array", "smooth", "var_process",
     "structural_causal_process",
@@ -71,8 +70,7 @@ class DataFrame:
         if len(widths) != 1:
             raise DataError(f"the datasets have {', '.join(str(w) for w in sorted(widths))} columns; all need the same variables")
         self.Ndata = widths.pop()
-        for array in self.values.values() if missing_flag is not None else ():
-            array[array == missing_flag] = np.nan
+        self.values = {key: self._values(key) for key in self.datasets}
         self.vector_vars: dict[int, Nodes] = dict(vector_vars or {k: [(k, 0)] for k in range(self.Ndata)})
         self.N = len(self.vector_vars)
         if sorted(self.vector_vars) != list(range(self.N)) or any(lag != 0 for of in self.vector_vars.values() for _, lag in of):
@@ -89,8 +87,7 @@ class DataFrame:
         self.time_offsets_is_none = time_offsets is None
         if sorted(map(str, self.time_offsets)) != sorted(map(str, self.datasets)):
             raise SettingError("setting 'time_offsets': give one offset per dataset, under the dataset's key")
-        points = np.arange(self.largest_time_step) if reference_points is None else np.unique(np.atleast_1d(reference_points))
-        self.reference_points = points
+        self.reference_points = np.unique(np.arange(self.largest_time_step) if reference_points is None else reference_points)
         self._chosen()
         times = {key: np.arange(length) for key, length in self.T.items()}
         self.datatime = times if datatime is None else self._datasets(datatime, "datatime")
@@ -140,8 +137,7 @@ class DataFrame:
 
     def _masks(self, mask: Any, kind: Any = bool) -> dict[Any, NDArray[Any]]:
         masks = dict(zip(self.datasets, (np.ascontiguousarray(each, dtype=kind) for each in self._datasets(mask, "mask").values())))
-        shapes = {key: array.shape for key, array in self.values.items()}
-        if {key: each.shape for key, each in masks.items()} != shapes:
+        if {key: each.shape for key, each in masks.items()} != {key: array.shape for key, array in self.values.items()}:
             raise DataError("the mask's shape differs from that of the data")
         return masks
 
@@ -203,8 +199,6 @@ class DataFrame:
             >>> array.tolist(), xyz.tolist()
             ([[2.0, 4.0, 6.0], [5.0, 7.0, 9.0]], [0, 1])
         """
-        if cut_off not in _CUT_OFFS[:4]:
-            raise SettingError(f"setting 'cut_off': '{cut_off}' is unknown; allowed: {', '.join(_CUT_OFFS[:4])}")
         given, of = (X, Y, Z or [], extraZ or []), self.vector_vars
         spread = [[(column, lag) for var, lag in role for column, _ in of.get(var, [(var, 0)])] for role in given]
         roles = [list(dict.fromkeys(role)) for role in spread]
@@ -213,13 +207,12 @@ class DataFrame:
             roles[2] = [node for node in roles[2] if node not in roles[0] + roles[1]]
             roles[3] = [node for node in roles[3] if node not in roles[0] + roles[1] + roles[2]]
         nodes = [node for role in roles for node in role]
+        start = start_of(cut_off, tau_max, nodes)
         for var, lag in nodes if do_checks else []:
             if not 0 <= var < self.Ndata or lag > 0:
                 raise ValueError(f"({var}, {lag}) is not a node: variables are 0 to {self.Ndata - 1}, lags 0 or less")
         if do_checks and not any(lag == 0 for _, lag in roles[1]):
             raise ValueError(f"Y = {roles[1]}: one of its nodes is at lag 0")
-        max_lag = max([abs(lag) for _, lag in nodes], default=0)
-        start = {"2xtau_max": 2 * tau_max, "tau_max": tau_max, "max_lag": max_lag}.get(cut_off, max(max_lag, tau_max))
         masks = self.mask if mask is None else self._masks(mask)
         xyz = np.array([role for role, of_role in enumerate(roles) for _ in of_role])
         types = self.data_type if data_type is None else self._masks(data_type, int)
@@ -244,6 +237,15 @@ class DataFrame:
                 kinds.append(np.array([types[key][times + lag, var] for var, lag in nodes])[:, ~dropped])
         array, kind = np.concatenate(blocks, axis=1), np.concatenate(kinds, axis=1) if kinds else None
         return (array, xyz, tuple(roles[:3]), kind) if return_cleaned_xyz else (array, xyz, kind)
+
+
+def start_of(cut_off: str, tau_max: int, nodes: Nodes) -> int:
+    """How many samples at the beginning of a dataset a test does not use."""
+    max_lag = max((abs(lag) for _, lag in nodes), default=0)
+    starts = {"2xtau_max": 2 * tau_max, "tau_max": tau_max, "max_lag": max_lag, "max_lag_or_tau_max": max(max_lag, tau_max)}
+    if cut_off not in starts:
+        raise SettingError(f"setting 'cut_off': '{cut_off}' is unknown; allowed: {', '.join(starts)}")
+    return starts[cut_off]
 
 
 def trafo2normal(data: ArrayLike, mask: ArrayLike | None = None, thres: float = 0.001) -> NDArray[np.float64]:

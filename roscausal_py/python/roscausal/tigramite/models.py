@@ -171,11 +171,11 @@ class LinearMediation:
 
     def get_all_ace(self, lag_mode: LagMode = "absmax", exclude_i: bool = True) -> NDArray[np.float64]:
         """Average causal effect of each variable: the mean, over the variables, of its largest effect ("absmax"), or over the lags."""
-        return np.ma.filled(_mean(_over_lags(self.psi, lag_mode), exclude_i).mean(axis=0), 0.0)
+        return np.ma.filled(_over_lags(self.psi, lag_mode, exclude_i).mean(axis=0), 0.0)
 
     def get_all_acs(self, lag_mode: LagMode = "absmax", exclude_j: bool = True) -> NDArray[np.float64]:
         """Average causal susceptibility of each variable: the same mean of the effects on it."""
-        return np.ma.filled(_mean(_over_lags(self.psi, lag_mode), exclude_j).mean(axis=1), 0.0)
+        return np.ma.filled(_over_lags(self.psi, lag_mode, exclude_j).mean(axis=1), 0.0)
 
     def get_all_amce(
         self, lag_mode: LagMode = "absmax", exclude_k: bool = True, exclude_self_effects: bool = True
@@ -189,7 +189,7 @@ class LinearMediation:
         """
         found = []
         for k in range(self.N):
-            parts = _mean(_over_lags(self.psi - self.all_psi_k[k], lag_mode), exclude_self_effects and lag_mode == "absmax")
+            parts = _over_lags(self.psi - self.all_psi_k[k], lag_mode, exclude_self_effects and lag_mode == "absmax")
             if exclude_k:
                 parts[k, :] = parts[:, k] = np.ma.masked
             found.append(float(np.ma.filled(parts.mean(), 0.0)))
@@ -210,19 +210,15 @@ class LinearMediation:
 
 def _effects(phi: NDArray[np.float64]) -> NDArray[np.float64]:
     at_once = np.linalg.inv(np.eye(phi.shape[1]) - phi[0])
-    psi = np.zeros(phi.shape)
-    psi[0] = at_once
+    psi = [at_once]
     for tau in range(1, len(phi)):
-        psi[tau] = at_once @ sum(phi[s] @ psi[tau - s] for s in range(1, tau + 1))
-    return psi
+        psi.append(at_once @ sum(phi[s] @ psi[tau - s] for s in range(1, tau + 1)))
+    return np.stack(psi)
 
 
-def _over_lags(effects: NDArray[np.float64], lag_mode: str) -> NDArray[np.float64]:
+def _over_lags(effects: NDArray[np.float64], lag_mode: str, without_self: bool) -> np.ma.MaskedArray[Any, Any]:
     if lag_mode not in ("absmax", "all_lags"):
         raise SettingError(f"setting 'lag_mode': '{lag_mode}' is unknown; allowed: absmax, all_lags")
     sizes = np.abs(effects)
-    return np.asarray(sizes.max(axis=0) if lag_mode == "absmax" else sizes.mean(axis=0))
-
-
-def _mean(effects: NDArray[np.float64], without_self: bool) -> np.ma.MaskedArray[Any, Any]:
-    return np.ma.array(effects, mask=np.eye(len(effects), dtype=bool) & without_self)
+    found = sizes.max(axis=0) if lag_mode == "absmax" else sizes.mean(axis=0)
+    return np.ma.array(found, mask=np.eye(len(found), dtype=bool) & without_self)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .. import _native
 from .._native import SettingError
-from ..quick import whole
+from ..quick import plain, whole
 from . import results
 from .data_processing import DataFrame
 from .independence_tests.independence_tests_base import check_test
@@ -121,18 +121,16 @@ class PCMCI:
             if hasattr(test, "run_test_raw") and not hasattr(test, "spec"):
                 # On nodes it would look at the data as they are.
                 test = SimpleNamespace(run_test_raw=test.run_test_raw)
-        found = _native.run(frame, method, json.dumps(settings, default=_plain), getattr(test, "spec", test))
+        text = json.dumps(settings, default=lambda value: plain(value, "a list"))
+        found = _native.run(frame, method, text, getattr(test, "spec", test))
         self.remarks = found["remarks"]
         if found["candidates"]:
-            self._keep_parents(found)
+            nodes = {j: [(var, -lag) for var, lag in of] for j, of in enumerate(found["parents"])}
+            of_targets = list(enumerate(found["candidates"]))
+            self.all_parents = nodes
+            self.pval_max = {j: {(var, -lag): p for var, lag, _, p in of} for j, of in of_targets}
+            self.val_min = {j: {(var, -lag): v for var, lag, v, _ in of if (var, -lag) in nodes[j]} for j, of in of_targets}
         return found
-
-    def _keep_parents(self, found: Results) -> None:
-        nodes = {j: [(var, -lag) for var, lag in of] for j, of in enumerate(found["parents"])}
-        of_targets = list(enumerate(found["candidates"]))
-        self.all_parents = nodes
-        self.pval_max = {j: {(var, -lag): p for var, lag, _, p in of} for j, of in of_targets}
-        self.val_min = {j: {(var, -lag): v for var, lag, v, _ in of if (var, -lag) in nodes[j]} for j, of in of_targets}
 
     def _matrices(self, found: Results, alpha_level: float, val_only: bool = False) -> Results:
         matrices = {"val_matrix": found["val_matrix"], "conf_matrix": found["conf_matrix"]}
@@ -151,8 +149,7 @@ class PCMCI:
     ) -> dict[int, list[tuple[int, int]]]:  # fmt: skip
         """The condition selection of PCMCI alone, with the arguments of `run_pcmci`: `{j: [(i, -lag), ..]}`, the strongest first."""
         not_covered(selected_links=selected_links, save_iterations=save_iterations)
-        settings = {**_engines(locals()), "tau_min": max(tau_min, 1)}
-        self._run("pc_stable", settings, link_assumptions)
+        self._run("pc_stable", {**_engines(locals()), "tau_min": max(tau_min, 1)}, link_assumptions)
         return self.all_parents
 
     def run_mci(
@@ -227,8 +224,8 @@ class PCMCI:
         )
         level = pc_alpha if isinstance(pc_alpha, (int, float)) else found["optimal_alpha"]
         answer = self._matrices(found, level)
-        pairs = [((i, -lag), j) for lag in range(tau_max + 1) for i in range(self.N) for j in range(self.N)]
-        sepsets: dict[Any, list[tuple[int, int]]] = {pair: [] for pair in pairs}
+        every = np.ndindex(tau_max + 1, self.N, self.N)
+        sepsets: dict[Any, list[tuple[int, int]]] = {((i, -lag), j): [] for lag, i, j in every}
         for (var, lag), effect, conditions in found["sepsets"]:
             sepsets[(var, -lag), effect] = [(i, -t) for i, t in conditions]
         triples = [((var, -lag), k, j) for (var, lag), k, j in found["ambiguous_triples"]]
@@ -257,15 +254,13 @@ class PCMCI:
         Raises:
             SettingError: A method that is not there, a window longer than the data.
         """
-        if window_step < 1 or not 1 <= window_length < self.dataframe.largest_time_step:
-            raise SettingError(
-                f"setting 'window_length': {window_length} (step {window_step}) does not fit into "
-                f"{self.dataframe.largest_time_step} samples"
-            )
+        samples = self.dataframe.largest_time_step
+        if window_step < 1 or not 1 <= window_length < samples:
+            raise SettingError(f"setting 'window_length': {window_length} (step {window_step}) does not fit into {samples} samples")
         _repeatable(method)
         runs, every = [], self.dataframe.reference_points
         try:
-            for start in range(0, self.dataframe.largest_time_step - window_length, window_step):
+            for start in range(0, samples - window_length, window_step):
                 self.dataframe.reference_points = np.intersect1d(np.arange(start, start + window_length), every)
                 runs.append(getattr(self, method)(**method_args))
         finally:
@@ -360,13 +355,10 @@ class PCMCI:
             return p_values
         if fdr_method != "fdr_bh":
             raise SettingError(f"setting 'fdr_method': '{fdr_method}' is unknown; allowed: none, fdr_bh")
-        counted = np.ones(p_values.shape, dtype=bool)
-        if link_assumptions is not None:
-            counted[:] = False
-            for cause, effect, lag, _ in results.link_list(link_assumptions, tau_min, tau_max) or []:
-                counted[cause, effect, lag] = True
-        diagonal = np.arange(p_values.shape[0])
-        counted[diagonal, diagonal, 0] = False
+        counted = np.full(p_values.shape, link_assumptions is None)
+        for cause, effect, lag, _ in results.link_list(link_assumptions, tau_min, tau_max) or []:
+            counted[cause, effect, lag] = True
+        np.fill_diagonal(counted[:, :, 0], False)
         if exclude_contemporaneous:
             counted[:, :, 0] = False
         return _native.fdr_bh(p_values, counted)
@@ -386,7 +378,17 @@ class PCMCI:
         Returns:
             Marks <U3 (N, N, tau_max + 1).
         """
-        return results.graph_of_p(p_matrix, alpha_level, tau_min, tau_max, link_assumptions)
+        p_values = np.asarray(p_matrix)
+        there = p_values <= alpha_level
+        lags = np.arange(p_values.shape[2])
+        there[:, :, (lags < tau_min) | (lags > tau_max)] = False
+        np.fill_diagonal(there[:, :, 0], False)
+        if link_assumptions is not None:
+            links = results.link_list(link_assumptions, tau_min, tau_max) or []
+            allowed = results.marked(p_values.shape, {(i, j, lag): mark.replace("?", "-") for i, j, lag, mark in links})
+        else:
+            allowed = np.where(lags == 0, "o-o", "-->")
+        return np.where(there, allowed, "").astype("<U3")
 
     @staticmethod
     def get_graph_from_dict(links: Mapping[int, Any], tau_max: int | None = None) -> NDArray[np.str_]:
@@ -402,7 +404,11 @@ class PCMCI:
         self, graph: NDArray[Any], val_matrix: NDArray[Any], include_lagzero_parents: bool = False
     ) -> dict[int, list[tuple[int, int]]]:
         """The parents of each variable, `{j: [(i, -lag), ..]}`, the strongest first."""
-        return results.parents_of(graph, val_matrix, include_lagzero_parents)
+        parents = {}
+        for effect, links in results.graph_as_dict(graph).items():
+            found = [node for node, mark in links.items() if mark == "-->" and (node[1] < 0 or include_lagzero_parents)]
+            parents[effect] = results.strongest_first(found, effect, val_matrix)
+        return parents
 
     def return_significant_links(self, pq_matrix: Any, val_matrix: Any, alpha_level: float = 0.05, include_lagzero_links: bool = False) -> None:
         """Deprecated, as in the reference, where it returns nothing: the results hold the graph."""
@@ -421,18 +427,22 @@ class PCMCI:
     ) -> None:  # fmt: skip
         """Prints the links of these matrices; without a graph, those whose p-value is at most the level."""
         if graph is None:
-            graph = results.graph_of_p(p_matrix, alpha_level, 0, p_matrix.shape[2] - 1, None)
-        print(results.text(self.dataframe.names, p_matrix, val_matrix, conf_matrix, graph, alpha_level))
+            graph = self.get_graph_from_pmatrix(p_matrix, alpha_level, 0, p_matrix.shape[2] - 1)
+        names = [_native.visible(name) for name in self.dataframe.names]
+        note = {"o-o": " | unoriented link", "x-x": " | unclear orientation due to conflict"}
+        lines = [f"\n## Significant links at alpha = {alpha_level}:"]
+        for effect, links in results.graph_as_dict(graph).items():
+            lines.append(f"\n    Variable {names[effect]} has {len(links)} link(s):")
+            for cause, lag in results.strongest_first(links, effect, val_matrix):
+                at = (cause, effect, -lag)
+                line = f"        ({names[cause]} {lag}): pval = {p_matrix[at]:.5f} | val = {val_matrix[at]: .3f}"
+                if conf_matrix is not None:
+                    line += f" | conf = ({conf_matrix[at][0]:.3f}, {conf_matrix[at][1]:.3f})"
+                lines.append(line + note.get(links[cause, lag], ""))
+        print("\n".join(lines))
 
 
 def _repeatable(method: str) -> None:
     known = ["run_pcmci", "run_pcmciplus", "run_mci", "run_fullci", "run_bivci", "get_lagged_dependencies", "run_lpcmci", "run_jpcmciplus"]
     if method not in known:
         raise SettingError(f"setting 'method': '{method}' cannot be run again and again; allowed: {', '.join(known)}")
-
-
-def _plain(value: Any) -> Any:
-    """numpy's numbers and arrays as JSON has them."""
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise SettingError(f"a setting is {value!r}, of type {type(value).__name__}, which is neither a number nor a list")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from .._native import SettingError
+from ..data import nearest
 
 
 class NotCovered(NotImplementedError, AttributeError):
@@ -29,9 +29,7 @@ def not_covered(**given: object) -> None:
 def unknown(where: str, given: Mapping[str, object], known: Iterable[str]) -> None:
     """Refuses keywords that nobody knows, with the nearest known one."""
     for name in given:
-        near = difflib.get_close_matches(name, known, 1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
-        raise SettingError(f"setting '{name}': {where} has no such keyword{hint}")
+        raise SettingError(f"setting '{name}': {where} has no such keyword{nearest(name, known)}")
 
 
 def missing(module: str, *names: str) -> Callable[[str], Any]:

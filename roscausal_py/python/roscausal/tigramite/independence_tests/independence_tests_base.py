@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ... import _native
 from ..._native import DataError, SettingError
-from ..data_processing import DataFrame
+from ..data_processing import DataFrame, Nodes, start_of
 from ..refusal import NotCovered, not_covered, unknown
 
-Nodes = Sequence[tuple[int, int]]
-_CUT_OFFS = ("2xtau_max", "tau_max", "max_lag", "max_lag_or_tau_max")
+#: What the engine answers: value, p-value, interval, samples, and whether a threshold decides.
+Found = tuple[float, float, tuple[float, float] | None, int, bool]
 #: The settings of the engine that all tests have.
 _SHARED = (
     "seed", "significance", "sig_samples", "sig_blocklength", "confidence", "conf_lev", "conf_samples", "conf_blocklength",
@@ -87,9 +86,7 @@ class CondIndTest:
         """The roles in which a masked value excludes a sample."""
         self.mask_type = mask_type
 
-    def _ask(
-        self, frame: _native.Frame, x: tuple[int, int], y: tuple[int, int], z: Nodes, cut_off: int
-    ) -> tuple[float, float, tuple[float, float] | None, int, bool]:
+    def _ask(self, frame: _native.Frame, x: tuple[int, int], y: tuple[int, int], z: Nodes, cut_off: int) -> Found:
         def node(given: tuple[int, int]) -> tuple[int, int]:
             if given[1] > 0:
                 raise SettingError(f"setting 'node': ({given[0]}, {given[1]}) is in the future; lags are 0 or less")
@@ -97,18 +94,14 @@ class CondIndTest:
 
         return _native.run_test(frame, self.spec, node(x), node(y), [node(each) for each in z], cut_off)
 
-    def _on_nodes(self, X: Nodes, Y: Nodes, Z: Nodes | None, tau_max: int, cut_off: str) -> Any:
+    def _on_nodes(self, X: Nodes, Y: Nodes, Z: Nodes | None, tau_max: int, cut_off: str) -> Found:
         if self.dataframe is None:
             raise DataError("there are no data: call set_dataframe first")
-        if cut_off not in _CUT_OFFS:
-            raise SettingError(f"setting 'cut_off': '{cut_off}' is unknown; allowed: {', '.join(_CUT_OFFS)}")
         check_test(self, self.dataframe)
-        z = [node for node in dict.fromkeys(map(tuple, Z or [])) if node not in [*map(tuple, X), *map(tuple, Y)]]
+        z = [node for node in dict.fromkeys((var, lag) for var, lag in Z or []) if node not in [*map(tuple, X), *map(tuple, Y)]]
         if len(X) != 1 or len(Y) != 1:
             raise NotCovered("X or Y of several nodes are not covered by roscausal.tigramite; make them one by DataFrame(vector_vars=..)")
-        max_lag = max(abs(node[1]) for node in (*X, *Y, *z))
-        start = {"2xtau_max": 2 * tau_max, "tau_max": tau_max, "max_lag": max_lag}.get(cut_off, max(max_lag, tau_max))
-        return self._ask(self.dataframe.frame(self.mask_type), X[0], Y[0], z, start)  # type: ignore[arg-type]
+        return self._ask(self.dataframe.frame(self.mask_type), X[0], Y[0], z, start_of(cut_off, tau_max, [*X, *Y, *z]))
 
     def run_test(
         self, X: Nodes, Y: Nodes, Z: Nodes | None = None, tau_max: int = 0, cut_off: str = "2xtau_max",
@@ -128,18 +121,16 @@ class CondIndTest:
         """
         return self._decided(self._on_nodes(X, Y, Z, tau_max, cut_off), alpha_or_thres)
 
-    def _decided(self, found: Any, level: float | None) -> Any:
+    def _decided(self, found: Found, level: float | None) -> Any:
         value, p_value, _, _, by_value = found
-        if by_value:
-            if level is None:
+        if level is None:
+            if by_value:
                 raise SettingError("setting 'alpha_or_thres': fixed_thres needs a threshold")
-            dependent = bool((value if self._one_sided else abs(value)) >= level)
-            p_value = 0.0 if dependent else 1.0
-        elif level is None:
             return value, p_value
-        else:
-            dependent = bool(p_value <= level)
-        return value, p_value, dependent
+        if by_value:
+            dependent = bool((value if self._one_sided else abs(value)) >= level)
+            return value, 0.0 if dependent else 1.0, dependent
+        return value, p_value, bool(p_value <= level)
 
     def run_test_raw(
         self, x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None, x_type: ArrayLike | None = None,
@@ -175,16 +166,14 @@ class CondIndTest:
     def get_measure(self, X: Nodes, Y: Nodes, Z: Nodes | None = None, tau_max: int = 0, data_type: None = None) -> float:
         """The value of the test X _||_ Y | Z on the data frame."""
         not_covered(data_type=data_type)
-        value: float = self._on_nodes(X, Y, Z, tau_max, "2xtau_max")[0]
-        return value
+        return self._on_nodes(X, Y, Z, tau_max, "2xtau_max")[0]
 
     def get_confidence(
         self, X: Nodes, Y: Nodes, Z: Nodes | None = None, tau_max: int = 0, data_type: None = None
     ) -> tuple[float, float] | None:
         """The confidence interval of the value, if the test has one."""
         not_covered(data_type=data_type)
-        limits: tuple[float, float] | None = self._on_nodes(X, Y, Z, tau_max, "2xtau_max")[2]
-        return limits
+        return self._on_nodes(X, Y, Z, tau_max, "2xtau_max")[2]
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
