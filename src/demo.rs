@@ -187,7 +187,7 @@ impl Run {
             .and_then(|()| self.check_batches(nodes.batches_recorded()));
         let found = recorded.and_then(|()| await_model(folders, &nodes, &progress, interrupt));
         if interrupt.is_set() {
-            nodes.end_early(sink, interrupt)?;
+            nodes.end_early(|| sink.close(), interrupt)?;
             return Ok(found);
         }
         // A node that failed is the reason why there is no model.
@@ -246,7 +246,7 @@ impl Run {
         sink.watch()?;
         drop(announced);
         let simulated = simulate(&bus, simulation, interrupt, args.speed, None);
-        nodes.end_early(sink, interrupt)?;
+        nodes.end_early(|| sink.close(), interrupt)?;
         web.map_or(Ok(()), Web::end)?;
         Ok(simulated)
     }

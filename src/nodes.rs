@@ -23,7 +23,7 @@ use roscausal_core::{
 use roscausal_discovery::Progress;
 use roscausal_hrisim::Simulation;
 
-use crate::{discover::Analysis, folders::Folders, interrupt::Interrupt, sink::Sink};
+use crate::{discover::Analysis, folders::Folders, interrupt::Interrupt};
 
 /// The nodes that record, in the order in which they take part.
 pub(crate) const RECORDING: [&str; 3] = ["robot", "human", "data"];
@@ -142,11 +142,15 @@ impl Nodes {
         recording.try_for_each(|(name, node)| ended(&format!("the node {name}"), node.end()))
     }
 
-    /// Ends all nodes, first those that record, since an analysis may be within a long test; then `sink` is closed.
-    pub(crate) fn end_early(mut self, sink: Sink, interrupt: &Interrupt) -> Result<()> {
+    /// Ends all nodes, first those that record, since an analysis may be within a long test; `kept` closes what they recorded.
+    pub(crate) fn end_early(
+        mut self,
+        kept: impl FnOnce() -> Result<()>,
+        interrupt: &Interrupt,
+    ) -> Result<()> {
         self.end_recording()?;
         self.bus.settle();
-        sink.close()?;
+        kept()?;
         interrupt.nothing_at_stake("what is recorded is kept");
         self.end()
     }

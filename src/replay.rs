@@ -168,7 +168,7 @@ impl Args {
         }
         if ended_early {
             // The analysis may be within a long test: what is recorded comes first.
-            nodes.end_early(sink, interrupt)?;
+            nodes.end_early(|| sink.close(), interrupt)?;
             let out = self.out.display();
             return Ok(Err(Error::Cancelled(format!("by the user; {out} keeps batches and models so far"))));
         }

@@ -17,10 +17,10 @@ const SEEDS: u64 = 8;
 /// How often a link at lag 0 is found, and the mean strength of the true one; of the exact rows, and of those by each rule.
 fn measured(tracker: &Tracker) -> [(usize, f64); 5] {
     let runs: Vec<[Found; 5]> = (0..SEEDS).map(|seed| run(tracker, ROWS, seed)).collect();
-    assert!(
-        runs.iter().all(|[exact, linear, ..]| exact.error == 0.0 && linear.error < 0.2),
-        "{tracker:?}: {runs:?}"
-    );
+    // The rows hold what the tracker saw.
+    for [exact, linear, .., seen] in &runs {
+        assert!(exact.error == 0.0 && linear.error < seen.error + 0.05, "{tracker:?}: {linear:?} {seen:?}");
+    }
     [0, 1, 2, 3, 4].map(|which| {
         let strengths = runs.iter().map(|run| run[which].strength);
         (runs.iter().filter(|run| run[which].at_once).count(), strengths.sum::<f64>() / SEEDS as f64)
