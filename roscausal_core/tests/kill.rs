@@ -157,7 +157,8 @@ fn check_values(name: &str, table: &Table, time: &[f64]) {
     let column = |wanted: &str| table.names.iter().position(|name| name == wanted);
     let robot = column("r_x").expect("the robot");
     for (row, &t) in time.iter().enumerate() {
-        let known = |value: f64, wanted: f64| value.is_nan() || (value - wanted).abs() < 0.02;
+        // A row is of the moment of a sighting at most half a step away, in which they move 5 cm.
+        let known = |value: f64, wanted: f64| value.is_nan() || (value - wanted).abs() < 0.08;
         assert!(known(table.values[[row, robot]], robot_x(t)), "{name}: robot at {t}");
         for id in 0..2 {
             if let Some(person) = column(&format!("h_{id}_x")) {
