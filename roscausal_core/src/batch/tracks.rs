@@ -32,7 +32,8 @@ const SAME_WAY: f64 = 0.8;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampling {
-    /// [`Self::Hold`] where samples usually come about two and a half times a row or more often, else [`Self::Linear`].
+    /// [`Self::Hold`] where samples usually come about two and a half times a row or more often; where they come about once a row or more
+    /// often, the nearest one, and all else at its moment; else [`Self::Linear`].
     #[default]
     Auto,
     /// What lies between the samples before and after it.
@@ -237,7 +238,7 @@ impl Track {
     /// Whether rows in steps of `dt` are best made at samples. A line between two would mix each row with the next one, as much as its
     /// sample is early.
     pub(super) fn makes_rows(&self, dt: i64, sampling: Sampling) -> bool {
-        sampling != Sampling::Hold
+        sampling == Sampling::Auto
             && self.steps(dt).is_some_and(|steps| (OFTEN_TO_HOLD..=A_ROW).contains(&steps))
     }
 
@@ -368,7 +369,7 @@ mod tests {
             seen.insert(100 * number + 12 * (number % 3 - 1), values(number as f64, 0.0, 0.0));
         }
         let row = |seen: &Track, t, dt| {
-            let moment = if seen.makes_rows(dt, Sampling::Linear) { seen.nearest(t, dt)? } else { t };
+            let moment = if seen.makes_rows(dt, Sampling::Auto) { seen.nearest(t, dt)? } else { t };
             seen.row(moment, dt, 500, Sampling::Linear).map(|values| values.x)
         };
         assert_ne!(row(&seen, 2400, 100), Some(24.0), "nothing is usual yet");
