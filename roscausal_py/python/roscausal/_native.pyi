@@ -13,6 +13,7 @@ __all__ = [
     "Frame",
     "SettingError",
     "Structural",
+    "adjustment",
     "command",
     "demo",
     "discover",
