@@ -17,9 +17,9 @@ const SEEDS: u64 = 8;
 /// How often a link at lag 0 is found, and the mean strength of the true one; of the exact rows, and of those by each rule.
 fn measured(tracker: &Tracker) -> [(usize, f64); 5] {
     let runs: Vec<[Found; 5]> = (0..SEEDS).map(|seed| run(tracker, ROWS, seed)).collect();
-    // The rows hold what the tracker saw.
-    for [exact, linear, .., seen] in &runs {
-        assert!(exact.error == 0.0 && linear.error < seen.error + 0.05, "{tracker:?}: {linear:?} {seen:?}");
+    // The rows hold what the tracker saw, or are less than a third of a deviation older.
+    for [exact, _, _, auto, seen] in &runs {
+        assert!(exact.error == 0.0 && auto.error < seen.error + 0.3, "{tracker:?}: {auto:?} {seen:?}");
     }
     [0, 1, 2, 3, 4].map(|which| {
         let strengths = runs.iter().map(|run| run[which].strength);
