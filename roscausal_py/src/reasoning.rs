@@ -36,8 +36,10 @@ type Answer = (String, String);
 /// A variable and how many steps before.
 type At = (usize, usize);
 
-/// How the effect of `x` on `y` can be read off data, in a graph of `n` variables with `arrows` (cause, effect, lag): whether a path leads
-/// there, the largest lag that was looked at, the nodes between, and the optimal set to adjust for, if any set is valid.
+/// Whether a path leads there, the largest lag that was looked at, the nodes between, and the set to adjust for, if one is valid.
+type AdjustedBy = (bool, usize, Vec<At>, Option<Vec<At>>);
+
+/// How the effect of `x` on `y` can be read off data, in a graph of `n` variables with `arrows` (cause, effect, lag).
 #[pyfunction]
 pub(crate) fn adjustment(
     n: usize,
@@ -45,7 +47,7 @@ pub(crate) fn adjustment(
     arrows: Vec<(usize, usize, usize)>,
     x: Vec<At>,
     y: At,
-) -> PyResult<(bool, usize, Vec<At>, Option<Vec<At>>)> {
+) -> PyResult<AdjustedBy> {
     let arrows: Vec<Arrow> =
         arrows.into_iter().map(|(cause, effect, lag)| Arrow { cause, effect, lag }).collect();
     let names = (0..n).map(|var| var.to_string()).collect();
