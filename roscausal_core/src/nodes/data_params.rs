@@ -46,7 +46,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
             "length of a batch in seconds; empty or 0: until the end";
         of_data "dt" = Double(0.1), Range(0.001, 60.0), "step between rows in seconds";
         of_data "sampling" = text("auto"), OneOf(Sampling::NAMES),
-            "what a row holds: linear: what lies between the samples before and after it; hold: the newest sample that is not later; auto: hold where samples come two and a half times a row or more often, else linear";
+            "what a row holds: linear: what lies between the samples before and after it; hold: the newest sample that is not later; auto: hold where samples come two and a half times a row or more often, the nearest sample where they come about once, else linear";
         of_data "subsampling" = Bool(false), Any, "older name: true is the sampling hold";
         of_data "max_gap" = Double(0.5), Range(0.001, 60.0),
             "samples farther apart than this are a gap; the largest age of a held sample; seconds";
