@@ -114,8 +114,8 @@ pub struct Recorder {
     seen: BTreeSet<u32>,
     /// Cells of people, and the sums of their intervals and of how far they are uneven or reach ahead; nanoseconds.
     spacing: (f64, [f64; 2]),
-    /// The last row with people, and the moment of what it holds; nanoseconds.
-    last_moment: Option<[i64; 2]>,
+    /// How much later than its time the last row with people was seen; nanoseconds.
+    last_late: Option<i64>,
     /// Cells of people in which they and the robot move, and those in which it follows them.
     following: [u64; 2],
     counts: RecorderCounts,
@@ -148,7 +148,7 @@ impl Recorder {
             fresh: None,
             seen: BTreeSet::new(),
             spacing: (0.0, [0.0; 2]),
-            last_moment: None,
+            last_late: None,
             following: [0; 2],
             counts: RecorderCounts::default(),
         }

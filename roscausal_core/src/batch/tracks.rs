@@ -11,7 +11,7 @@ use super::risk::Body;
 
 /// Most samples of one body that wait to become rows.
 const MOST: usize = 100_000;
-/// The usual interval is one of so many, each the mean of some that follow each other: jitter is less in these. A third of them are
+/// The usual interval is one of so many, at first of a third of them, each the mean of some that follow each other: jitter is less in these. A third of them are
 /// shorter, as lost samples make them longer.
 const INTERVALS: usize = 15;
 const TOGETHER: usize = 3;

@@ -61,7 +61,7 @@ pub mod labels {
     pub const CHANGED: &str = "numbers that changed";
     /// The data node: how close rows are, compared with sightings.
     pub const PER_ROW: &str = "sightings for 100 rows";
-    /// How much later than a row its values may be seen.
+    /// How far the moments of rows are from even, or their values reach ahead of them.
     pub const AHEAD: &str = "rows uneven or ahead, 1/1000 of a step";
     /// How much of the time the robot keeps following people.
     pub const FOLLOWS: &str = "rows in which the robot follows, of 100 in which both move";

@@ -66,8 +66,9 @@ impl Recorder {
             signals: self.signals.iter().map(|track| (track.name.clone(), Vec::new())).collect(),
             ..Recording::default()
         });
-        let before = if people.is_empty() { None } else { self.last_moment.replace([row, moment]) };
-        let uneven = before.map_or(0, |[last, before]| (moment - row).abs_diff(before - last)) as f64;
+        let late = moment - row;
+        let before = if people.is_empty() { None } else { self.last_late.replace(late) };
+        let uneven = before.map_or(0, |before| late.abs_diff(before)) as f64;
         for track in people.iter().filter_map(|(id, _)| self.people.get(id)) {
             let Some([interval, ahead]) = track.spacing(moment) else { continue };
             let (cells, [intervals, all_ahead]) = &mut self.spacing;

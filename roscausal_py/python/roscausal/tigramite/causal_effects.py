@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _native
 from .._native import DataError, SettingError
+from .models import slopes
 from .refusal import NotCovered, not_covered
 from .results import graph_of_links
 
@@ -119,23 +120,20 @@ class CausalEffects:
         for j, time in (node for node in {*self.M, *self.Y} if not self.no_causal_path):
             parents = [(i, lag + time) for i, lag in self._parents[j]]
             rows = self._rows(dataframe, parents, [(j, time)], [], mask_type)[0]
-            rows = rows - rows.mean(axis=1, keepdims=True)
-            coefficients[j, time] = dict(zip(parents, np.linalg.lstsq(rows[:-1].T, rows[-1], rcond=None)[0]))
-
-        def along(node: Node, cause: Node, without: set[Node]) -> float:
-            if node == cause:
-                return 1.0
-            if node in without or node in self.X or node not in coefficients:
-                return 0.0
-            if (node, cause) not in known:
-                known[node, cause] = sum(b * along(parent, cause, without) for parent, b in coefficients[node].items())
-            return known[node, cause]
+            coefficients[j, time] = dict(zip(parents, slopes(rows[-1], rows[:-1])))
 
         def effects(without: set[Node]) -> NDArray[np.float64]:
-            known.clear()
-            return np.array([along(self.Y[0], cause, without) for cause in self.X])
+            # On Y, of each node of X, by the paths that avoid some nodes.
+            known = {node: np.zeros(len(self.X)) for node in without} | dict(zip(self.X, np.eye(len(self.X))))
 
-        known: dict[tuple[Node, Node], float] = {}
+            def on(node: Node) -> NDArray[np.float64]:
+                if node not in known:
+                    parents = coefficients.get(node, {}).items()
+                    known[node] = sum((b * on(parent) for parent, b in parents), np.zeros(len(self.X)))
+                return known[node]
+
+            return on(self.Y[0])
+
         if isinstance(mediation, str):
             if mediation != "direct":
                 raise SettingError(f"setting 'mediation': '{mediation}' is unknown; give direct, or nodes [(i, -lag), ..]")

@@ -90,8 +90,7 @@ class LinearMediation:
             )[0][1:]
             if rows.shape[1] <= len(parents) + 1:
                 raise DataError(f"{rows.shape[1]} samples are too few for an equation of {len(parents)} parents; record longer")
-            rows = rows - rows.mean(axis=1, keepdims=True)
-            found = np.linalg.lstsq(rows[1:].T, rows[0], rcond=None)[0]
+            found = slopes(rows[0], rows[1:])
             if self.data_transform is not None:
                 deviations = rows.std(axis=1)
                 found *= deviations[1:] / (deviations[0] or 1.0)
@@ -206,6 +205,12 @@ class LinearMediation:
     def get_amce(self, k: int, lag_mode: LagMode = "absmax", exclude_k: bool = True, exclude_self_effects: bool = True) -> float:
         """That of `get_all_amce` of one variable."""
         return float(self.get_all_amce(lag_mode, exclude_k, exclude_self_effects)[k])
+
+
+def slopes(target: NDArray[np.float64], causes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The coefficients (K,) of a linear regression of a target (n,) on causes (K, n)."""
+    centred = (causes - causes.mean(axis=1, keepdims=True)).T
+    return np.asarray(np.linalg.lstsq(centred, target - target.mean(), rcond=None)[0])
 
 
 def _effects(phi: NDArray[np.float64]) -> NDArray[np.float64]:
