@@ -150,10 +150,17 @@ export class Ahead {
     this.charts.ahead = [...this.charts.ahead.filter((fan) => fan.kind !== kind), { kind, t, dt, name, forecasts: new Map(forecasts.map((forecast) => [forecast.variable, forecast])) }];
   }
 
+  /** One question at a time: who presses again while the answer is on its way asks nothing new. */
   async explain() {
-    const answer = await questioned("explain", { variable: $("why-variable").value });
-    if (answer.status === "OK") this.explanation(answer);
-    else $("explanation").replaceChildren(make("p", answer.message || answer.status));
+    if (this.explaining) return;
+    this.explaining = true;
+    try {
+      const answer = await questioned("explain", { variable: $("why-variable").value });
+      if (answer.status === "OK") this.explanation(answer);
+      else $("explanation").replaceChildren(make("p", answer.message || answer.status));
+    } finally {
+      this.explaining = false;
+    }
   }
 
   /** The last explanation, whoever asked for it. */

@@ -386,15 +386,15 @@ class Page:
             # Where the risk is missing, as in the first row of a batch, the answer says so; a moment later there is one.
             self.driver.find_element(By.ID, "why").send_keys(Keys.ENTER)
             time.sleep(0.5)
-            return re.match(r"h_v (rose|fell) by", self.text("explanation"))
+            # Text and table at once: another answer may be on its way.
+            text, rows = self.js("(() => { const e = document.getElementById('explanation'); return [e.innerText, [...e.querySelectorAll('tr')].map((r) => [...r.children].slice(0, 2).map((c) => c.textContent))]; })()")
+            return re.match(r"h_v (rose|fell) by", text) and (text, rows)
 
-        until("an explanation", explained)
-        rows = self.js("[...document.querySelectorAll('#explanation tr')].map((r) => [...r.children].slice(0, 2).map((c) => c.textContent))")
+        said, rows = until("an explanation", explained)
         parts = [float(text.split(" ")[0]) for _, text in rows]
-        change = float(re.search(r"by ([\d.]+)", self.text("explanation")).group(1))
+        change = float(re.search(r"by ([\d.]+)", said).group(1))
         assert rows[0][0] == "to be expected" and len(rows) >= 2 and abs(abs(sum(parts)) - change) < 0.01 + 0.01 * change, (rows, change)
         self.violations()
-        said = self.text("explanation")
         self.driver.refresh()
         until("it is there again", lambda: self.text("explanation")[:40] == said[:40])
         # The page asks; it commands nothing.
