@@ -38,7 +38,7 @@ mod _native {
         frame::Frame,
         looks::{export, pdf, picture, series, visible},
         program::{command, demo, messages, read, version},
-        reasoning::{Structural, adjustment},
+        reasoning::Structural,
         rolling::roll,
         run::{fdr_bh, run, run_test},
     };

@@ -5,12 +5,11 @@ use std::sync::Arc;
 use ndarray::Array2;
 use pyo3::prelude::*;
 use roscausal::{effect_text, explain_text, what_if_text};
-use roscausal_discovery::{DataFrame, Error, Node, Result, names::position};
+use roscausal_discovery::{DataFrame, Error, Result, names::position};
 use roscausal_reasoning::{
     ActsOn, Settings, StructuralModel,
     answer::{self, EffectQuestion, ExplainQuestion, Status},
     default_intervention_targets,
-    graph::{self, Arrow, Graph},
     model::graph_of_json,
     question::{Action, CostTerm, Situation, WhatIf, parse_action, parse_limit},
 };
@@ -32,34 +31,6 @@ pub(crate) struct Structural {
 
 /// An answer as JSON, and in words.
 type Answer = (String, String);
-
-/// A variable and how many steps before.
-type At = (usize, usize);
-
-/// Whether a path leads there, the largest lag that was looked at, the nodes between, and the set to adjust for, if one is valid.
-type AdjustedBy = (bool, usize, Vec<At>, Option<Vec<At>>);
-
-/// How the effect of `x` on `y` can be read off data, in a graph of `n` variables with `arrows` (cause, effect, lag).
-#[pyfunction]
-pub(crate) fn adjustment(
-    n: usize,
-    largest_lag: usize,
-    arrows: Vec<(usize, usize, usize)>,
-    x: Vec<At>,
-    y: At,
-) -> PyResult<AdjustedBy> {
-    let arrows: Vec<Arrow> =
-        arrows.into_iter().map(|(cause, effect, lag)| Arrow { cause, effect, lag }).collect();
-    let names = (0..n).map(|var| var.to_string()).collect();
-    let graph = Graph::new(names, largest_lag, &arrows, &[]).map_err(raised)?;
-    let x: Vec<Node> = x.into_iter().map(|(var, lag)| Node::new(var, lag)).collect();
-    if x.iter().any(|node| node.var >= n) || y.0 >= n || x.contains(&Node::new(y.0, y.1)) {
-        return Err(raised(Error::param("X", "X and Y are different nodes of variables of the graph")));
-    }
-    let found = graph::adjustment(&graph, &x, Node::new(y.0, y.1));
-    let written = |nodes: Vec<Node>| nodes.into_iter().map(|node| (node.var, node.lag)).collect();
-    Ok((found.causal_path, found.window, written(found.mediators), found.set.map(written)))
-}
 
 #[pymethods]
 impl Structural {

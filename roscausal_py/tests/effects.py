@@ -101,12 +101,90 @@ def test_every_effect_is_the_references(x, y, graph_type):
         np.testing.assert_allclose(own, other, atol=1e-8)
 
 
-def test_what_is_not_covered_is_refused_by_its_name():
+def drawn(random):
+    """A graph with arrows and hidden causes, X, Y, at times S and a hidden node."""
+    graph, order = np.full((7, 7), "", dtype="<U3"), random.permutation(7)
+    for later, earlier in itertools.combinations(order[::-1], 2):
+        mark = random.choice(["-->", "<->", "+->", ""], p=[0.25, 0.08, 0.03, 0.64])
+        graph[earlier, later], graph[later, earlier] = mark, mark[::-1].translate(str.maketrans("<>", "><"))
+    nodes = [(int(i), 0) for i in random.permutation(7)]
+    causes, effects = random.choice([1, 1, 2]), random.choice([1, 1, 1, 2])
+    given = {"X": nodes[:causes], "Y": nodes[causes : causes + effects]}
+    given |= {name: [node] for name, node in (("S", nodes[5]), ("hidden_variables", nodes[6])) if random.random() < 0.3}
+    return {"graph": graph, "graph_type": "admg", **given}
+
+
+def adjusted(package, given, seed):
+    """All sets, and the effects by two regressors with bootstraps; None where the graph is refused, or the path or a set is missing."""
+    linear, near = pytest.importorskip("sklearn.linear_model"), pytest.importorskip("sklearn.neighbors")
+    try:
+        found = pytest.importorskip(f"{package}.causal_effects").CausalEffects(**given)
+    except ValueError:
+        return None
+    sets = [found.M, found.no_causal_path or found._get_adjust_set()]
+    if found.no_causal_path or sets[1] is False:
+        return sets, []
+    sets += [found.get_optimal_set(minimize=how) for how in (False, "colliders_only")] + list(found.check_XYS_paths())
+    random = np.random.default_rng(seed)
+    frame = pytest.importorskip(f"{package}.data_processing").DataFrame(np.cumsum(random.normal(size=(300, 7)), axis=1))
+    at = {"intervention_data": random.normal(size=(4, len(given["X"])))}
+    at |= {"conditions_data": random.normal(size=(4, 1))} if "S" in given else {}
+    numbers = []
+    for estimator in (linear.LinearRegression(), near.KNeighborsRegressor()):
+        how = {"dataframe": frame, "estimator": estimator, "conditional_estimator": linear.LinearRegression()}
+        numbers.append(found.fit_total_effect(**how).predict_total_effect(**at))
+        found.fit_bootstrap_of("fit_total_effect", how, boot_samples=3, boot_blocklength=2, seed=seed)
+        numbers += found.predict_bootstrap_of("predict_total_effect", at, return_individual_bootstrap_results=True)
+    return sets, numbers
+
+
+def test_random_graphs_with_hidden_causes_have_the_references_sets_and_effects():
+    adjusting = 0
+    for seed in range(200):
+        given = drawn(np.random.default_rng(seed))
+        ours, theirs = (adjusted(package, given, seed) for package in ("roscausal.tigramite", "tigramite"))
+        if ours is None:
+            # The reference takes conditions that X drives by way of M.
+            continue
+        plain = [[value if isinstance(value, bool) else {(int(i), int(lag)) for i, lag in value} for value in of[0]] for of in (ours, theirs)]
+        assert plain[0] == plain[1], (seed, given)
+        adjusting += bool(ours[1])
+        for own, other in zip(ours[1], theirs[1], strict=True):
+            np.testing.assert_allclose(own, other, atol=1e-8, err_msg=str(seed))
+    assert adjusting >= 20, adjusting
+
+
+@pytest.mark.parametrize("how", ["minimized_optimal", [(0, 0)]])
+def test_other_sets_are_taken_and_checked(how):
     ours = pytest.importorskip("roscausal.tigramite.causal_effects").CausalEffects
+    regression = pytest.importorskip("sklearn.linear_model").LinearRegression
+    frame = pytest.importorskip("roscausal.tigramite.data_processing").DataFrame(series()[:, :3])
+    graph = np.array([["", "-->", "-->"], ["<--", "", "-->"], ["<--", "<--", ""]])
+    found = ours(graph, graph_type="dag", X=[(1, 0)], Y=[(2, 0)])
+    assert found.fit_total_effect(frame, regression(), adjustment_set=how).predict_total_effect([[1.0]]).shape == (1,)
+    for bad in ([], [(2, 0)]):
+        with pytest.raises(ValueError, match="does not make the effect a regression"):
+            found.fit_total_effect(frame, regression(), adjustment_set=bad)
+
+
+def test_what_is_not_covered_is_refused_by_its_name():
+    module = pytest.importorskip("roscausal.tigramite.causal_effects")
+    ours, models = module.CausalEffects, pytest.importorskip("roscausal.tigramite.models")
     graph = ours.get_graph_from_dict({0: [], 1: [(0, -1)]})
-    for given in ({"S": [(0, -2)]}, {"graph_type": "stationary_admg"}, {"Y": [(0, 0), (1, 0)]}, {"hidden_variables": [(0, -1)]}):
+    simple = {"graph": graph, "graph_type": "stationary_dag", "X": [(0, -1)], "Y": [(1, 0)]}
+    for given in ({"graph_type": "stationary_admg"}, {"graph_type": "tsg_dag"}):
         with pytest.raises(NotImplementedError, match="not covered"):
-            ours(graph, **{"graph_type": "stationary_dag", "X": [(0, -1)], "Y": [(1, 0)], **given})
-    for given in ({"X": [(2, -1)]}, {"X": [(0, 1)]}, {"X": [(1, 0)]}, {"graph_type": "dag"}):
+            ours(**{**simple, **given})
+    for name in ("check_optimality", "get_mediators"):
+        with pytest.raises(NotImplementedError, match=name):
+            getattr(ours(**simple), name)
+    for name in ("Models", "Prediction"):
+        with pytest.raises(NotImplementedError, match=name):
+            getattr(models, name)(dataframe=None)
+    circle = np.array([["", "-->", "<--"], ["<--", "", "-->"], ["-->", "<--", ""]])
+    for given in (
+        {"X": [(2, -1)]}, {"X": [(0, 1)]}, {"X": [(1, 0)]}, {"X": []}, {"graph_type": "dag"}, {"S": [(1, 0)]}, {"hidden_variables": [(0, -1)]},
+        {"graph": np.full((2, 2, 2), "o-o")}, {"graph": circle, "graph_type": "dag", "X": [(0, 0)]},
+    ):  # fmt: skip
         with pytest.raises(ValueError, match="setting"):
-            ours(graph, **{"graph_type": "stationary_dag", "X": [(0, -1)], "Y": [(1, 0)], **given})
+            ours(**{**simple, **given})

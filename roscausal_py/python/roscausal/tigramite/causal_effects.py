@@ -1,31 +1,32 @@
-"""`CausalEffects`: total effects of a graph without hidden variables, by adjustment and by paths (Perkovic 2018, Runge 2021, Wright 1921)."""
+"""`CausalEffects`: total effects of a known graph, by adjustment and by paths (Perkovic 2018, Runge 2021, Wright 1921)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
-from typing import Any
+from graphlib import CycleError, TopologicalSorter
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _native
 from .._native import DataError, SettingError
+from .admg import Adjustment, Graph, Node
 from .models import slopes
 from .refusal import NotCovered, not_covered
 from .results import graph_of_links
 
-Node = tuple[int, int]
+MARKS = {"dag": {"-->", "<--"}, "stationary_dag": {"-->", "<--"}, "admg": {"-->", "<--", "<->", "+->", "<-+"}}
 
 
 class CausalEffects:
     """The effect of setting X on Y.
 
     Args:
-        graph: Marks (N, N), or (N, N, tau_max + 1) as [cause, effect, lag], of --> (and <-- at lag 0) alone.
-        graph_type: "dag" or "stationary_dag".
-        X: Causes `[(i, -lag), ..]`.
-        Y: The effect, `[(j, 0)]`.
+        graph: Marks (N, N), or (N, N, tau_max + 1) as [cause, effect, lag].
+        graph_type: "dag", "stationary_dag", or "admg" with `<->` and `+->`.
+        X, Y, S: Causes, effects and conditions `[(i, -lag), ..]`.
+        hidden_variables: Nodes that were not recorded; the graph goes on without them.
 
     Attributes:
         M: Nodes on the paths from X to Y.
@@ -33,7 +34,8 @@ class CausalEffects:
         tau_max: The largest lag of a sample.
 
     Raises:
-        NotImplementedError: Other marks or graph types, conditions S, hidden variables, several effects.
+        NotImplementedError: Other graph types.
+        SettingError: Nodes or marks that the graph cannot have; a circle; conditions that X drives on its way to Y.
 
     Example:
         >>> import numpy as np
@@ -51,58 +53,119 @@ class CausalEffects:
     """
 
     def __init__(
-        self, graph: ArrayLike, graph_type: str, X: Sequence[Node], Y: Sequence[Node], S: None = None, hidden_variables: None = None,
-        check_SM_overlap: bool = True, verbosity: int = 0,
+        self, graph: ArrayLike, graph_type: str, X: Sequence[Node], Y: Sequence[Node], S: Sequence[Node] | None = None,
+        hidden_variables: Sequence[Node] | None = None, check_SM_overlap: bool = True, verbosity: int = 0,
     ) -> None:  # fmt: skip
-        not_covered(S=S, hidden_variables=hidden_variables)
+        if graph_type not in MARKS:
+            raise NotCovered(f"graph_type='{graph_type}' is not covered by roscausal, which has {', '.join(MARKS)}; tigramite.causal_effects takes our frames")
         marks = np.asarray(graph)
-        if graph_type not in ("dag", "stationary_dag") or len(Y) != 1 or not set(np.unique(marks)) <= {"", "-->", "<--"}:
-            what = f"graph_type='{graph_type}' with {len(Y)} effects and marks {' '.join(map(str, np.unique(marks)))}"
-            raise NotCovered(f"{what} is not covered by roscausal, which has one effect in a graph of --> ; tigramite.causal_effects takes our frames")
-        if marks.ndim != (2 if graph_type == "dag" else 3):
+        if marks.ndim != 2 + (graph_type == "stationary_dag"):
             raise SettingError(f"setting 'graph': its shape {marks.shape} is none of graph_type='{graph_type}'")
-        self.graph = marks[:, :, np.newaxis] if marks.ndim == 2 else marks
-        self.N: int = len(self.graph)
-        self.X, self.Y = [(int(i), int(lag)) for i, lag in X], [(int(j), int(lag)) for j, lag in Y]
-        if any(lag > 0 for _, lag in self.X + self.Y):
-            raise SettingError("setting 'X': lags of X and Y are 0 or less")
-        arrows = [tuple(map(int, at)) for at in np.argwhere(self.graph == "-->")]
-        self._parents = {j: [(i, -lag) for i, effect, lag in arrows if effect == j] for j in range(self.N)}
-        x, (y,) = ([(var, -lag) for var, lag in of] for of in (self.X, self.Y))
-        path, self.tau_max, between, found = _native.adjustment(self.N, self.graph.shape[2] - 1, arrows, x, y)
-        self.no_causal_path, self.M = not path, {(i, -lag) for i, lag in between}
-        self._set = None if found is None else [(i, -lag) for i, lag in found]
+        if others := sorted(set(map(str, np.unique(marks))) - MARKS[graph_type] - {""}):
+            raise SettingError(f"setting 'graph': {others[0]} is no mark of graph_type='{graph_type}'")
+        marks = marks if marks.ndim == 3 else marks[:, :, np.newaxis]
+        self.N: int = len(marks)
+        self.X, self.Y, self.S, hidden = ([(int(i), int(lag)) for i, lag in of or ()] for of in (X, Y, S, hidden_variables))
+        named = self.X + self.Y + self.S
+        if not (self.X and self.Y) or len({*named, *hidden}) < len(named) + len(set(hidden)) or any(
+            not 0 <= i < self.N or lag > 0 or (lag < 0 and graph_type != "stationary_dag") for i, lag in named + hidden
+        ):  # fmt: skip
+            raise SettingError("setting 'X': X, Y, S and hidden_variables are different nodes (i, -lag) of the graph")
+        self.tau_max = marks.shape[2] - 1 - min(lag for _, lag in named)
+        nodes = _unrolled(marks, self.tau_max)
+        for node in hidden:
+            nodes.hide(node)
+        try:
+            TopologicalSorter(nodes.parents).prepare()
+        except CycleError:
+            raise SettingError("setting 'graph': its arrows go round in a circle") from None
+        self._nodes, self._sets = nodes, Adjustment(nodes, {*self.X}, {*self.Y}, {*self.S})
+        self.M, self.no_causal_path = self._sets.mediators, not self._sets.between
+        if overlap := {*self.S} & self._sets.forbidden:
+            raise SettingError(f"setting 'S': X may drive {min(overlap)} by way of Y or M; take conditions before them")
+        self.graph = _drawn(nodes, self.N, self.tau_max)
 
-    def get_optimal_set(self) -> list[Node] | bool:
-        """What the regression of `fit_total_effect` adjusts for, the set of least variance; False where none is valid."""
-        return False if self._set is None else list(self._set)
+    def get_optimal_set(
+        self, alternative_conditions: None = None, minimize: bool | Literal["colliders_only"] = False, return_separate_sets: bool = False
+    ) -> list[Node] | bool:
+        """What the regression of `fit_total_effect` adjusts for, the set of least variance with S; False where none is valid.
+
+        Args:
+            minimize: True: without what it can do without; "colliders_only": of what collider paths add alone.
+        """
+        not_covered(alternative_conditions=alternative_conditions, return_separate_sets=return_separate_sets)
+        if not self._sets.identified:
+            return False
+        parents, more = self._sets.optimal()
+        if minimize:
+            more = self._sets.least(more, parents) if minimize == "colliders_only" else self._sets.least(parents | more) - (parents := set())
+        return sorted({*parents, *more, *self.S})
+
+    def _get_adjust_set(self) -> list[Node] | bool:
+        return sorted(self._sets.valid) if self._sets.identified else False
+
+    def check_XYS_paths(self) -> tuple[list[Node], list[Node]]:
+        """The nodes of X and Y that a causal path joins."""
+        x, y = {*self.X}, {*self.Y}
+        return [node for node in self.X if self._nodes.mediators({node}, y, x)], [node for node in self.Y if node in self._sets.between]
 
     def fit_total_effect(
-        self, dataframe: Any, estimator: Any, adjustment_set: str = "optimal", conditional_estimator: None = None, data_transform: None = None,
-        mask_type: str | None = None, ignore_identifiability: bool = False,
+        self, dataframe: Any, estimator: Any, adjustment_set: str | Sequence[Node] = "optimal", conditional_estimator: Any = None,
+        data_transform: None = None, mask_type: str | None = None, ignore_identifiability: bool = False,
     ) -> CausalEffects:  # fmt: skip
-        """Fits a regressor of scikit-learn (`fit`, `predict`) of Y on X and the optimal set.
+        """Fits a regressor of scikit-learn (`fit`, `predict`) of Y on X, S and a set.
+
+        Args:
+            adjustment_set: "optimal", "minimized_optimal", "colliders_minimized_optimal", or nodes.
+            conditional_estimator: That of what it predicts on S; None: `estimator`.
 
         Raises:
-            ValueError: No set is valid.
+            ValueError: No set is valid, or the given one is not.
         """
-        not_covered(conditional_estimator=conditional_estimator, data_transform=data_transform, ignore_identifiability=ignore_identifiability)
-        if adjustment_set != "optimal":
-            raise NotCovered(f"adjustment_set={adjustment_set!r} is not covered by roscausal.tigramite; it has 'optimal'")
-        if self._set is None:
-            raise DataError("no set makes the effect a regression: X drive each other by way of Y's causes; use fit_wright_effect")
-        rows, roles, _ = self._rows(dataframe, self.X, self.Y, self._set, mask_type)
-        self._others = rows[roles == 3]
-        self.estimator = deepcopy(estimator).fit(np.vstack([rows[roles == 0], self._others]).T, rows[roles == 1][0])
+        not_covered(data_transform=data_transform, ignore_identifiability=ignore_identifiability)
+        if self.no_causal_path:
+            return self
+        names = {"optimal": False, "minimized_optimal": True, "colliders_minimized_optimal": "colliders_only"}
+        if isinstance(adjustment_set, str) and adjustment_set not in names:
+            raise SettingError(f"setting 'adjustment_set': '{adjustment_set}' is unknown; give {', '.join(names)}, or nodes [(i, -lag), ..]")
+        found = self.get_optimal_set(minimize=names[adjustment_set]) if isinstance(adjustment_set, str) else adjustment_set
+        given = found if isinstance(found, bool) else {(int(i), int(lag)) for i, lag in found}
+        if given is False or given & self._sets.forbidden or not self._sets.adjusts(given):
+            raise DataError("this set, or any, does not make the effect a regression: causes stay open, or X drive each other by way of Y")
+        rows, roles, _ = self._rows(dataframe, self.X, self.Y, self.S, sorted(given - {*self.S}), mask_type)
+        x, y, self._conditions, self._others = (rows[roles == role].T for role in range(4))
+        self.estimator = deepcopy(estimator).fit(np.hstack([x, self._others, self._conditions]), y[:, 0] if len(self.Y) == 1 else y)
+        self._conditional = deepcopy(estimator if conditional_estimator is None else conditional_estimator)
         return self
 
-    def predict_total_effect(self, intervention_data: ArrayLike) -> NDArray[np.float64]:
-        """The mean of Y, (n,), if X were set to each row of `intervention_data` (n, len(X))."""
-        means = [
-            np.mean(self.estimator.predict(np.vstack([np.repeat(values[:, np.newaxis], self._others.shape[1], axis=1), self._others]).T))
-            for values in self._interventions(intervention_data)
-        ]
-        return np.zeros(len(means)) if self.no_causal_path else np.array(means)
+    def predict_total_effect(
+        self, intervention_data: ArrayLike, conditions_data: ArrayLike | None = None, pred_params: Mapping[str, Any] | None = None,
+        return_further_pred_results: bool = False, aggregation_func: Callable[..., Any] = np.mean,
+        transform_interventions_and_prediction: bool = False, intervention_type: str = "hard",
+    ) -> NDArray[np.float64]:  # fmt: skip
+        """What `aggregation_func` makes of the samples' predictions of Y if X were set to each row of `intervention_data` (n, len(X)).
+
+        Args:
+            conditions_data: S of each row, (n, len(S)).
+            intervention_type: "soft": to add to X instead.
+        """
+        not_covered(return_further_pred_results=return_further_pred_results, transformed=transform_interventions_and_prediction)
+        if intervention_type != "hard":
+            raise NotCovered(f"intervention_type='{intervention_type}' is not covered by roscausal.tigramite; it has 'hard'")
+        imposed = self._values("intervention_data", intervention_data, len(self.X))
+        if bool(self.S) != (conditions_data is not None) or (conditions_data is not None and len(conditions_data) != len(imposed)):
+            raise DataError("conditions_data: give a row of values of S for each intervention where there are conditions, and only there")
+        given = self._values("conditions_data", np.zeros((len(imposed), 0)) if conditions_data is None else conditions_data, len(self.S))
+        if self.no_causal_path:
+            return np.zeros((len(imposed), *((len(self.Y),) if len(self.Y) > 1 else ())))
+        found = []
+        for x, s in zip(imposed, given):
+            columns = np.hstack([np.tile(x, (len(self._others), 1)), self._others, np.tile(s, (len(self._others), 1))])
+            predicted = self.estimator.predict(columns, **(pred_params or {}))
+            if self.S:
+                predicted = self._conditional.fit(self._conditions, predicted).predict(s[np.newaxis])
+            found.append(aggregation_func(predicted, axis=0))
+        return np.array(found)
 
     def fit_wright_effect(
         self, dataframe: Any, mediation: str | Sequence[Node] | None = None, method: str = "parents", links_coeffs: None = None,
@@ -113,13 +176,13 @@ class CausalEffects:
         Args:
             mediation: None: all paths; "direct": the links from X to Y; nodes: the paths through any of them.
         """
-        not_covered(links_coeffs=links_coeffs, data_transform=data_transform)
-        if method != "parents":
-            raise NotCovered(f"method='{method}' is not covered by roscausal.tigramite; it has 'parents'")
+        not_covered(links_coeffs=links_coeffs, data_transform=data_transform, S=self.S or None)
+        if method != "parents" or len(self.Y) > 1 or any(self._nodes.siblings.values()):
+            raise NotCovered("roscausal.tigramite adds up paths with method='parents' to one effect in a graph of --> alone")
         coefficients = {}
         for j, time in (node for node in {*self.M, *self.Y} if not self.no_causal_path):
-            parents = [(i, lag + time) for i, lag in self._parents[j]]
-            rows = self._rows(dataframe, parents, [(j, time)], [], mask_type)[0]
+            parents = sorted(self._nodes.parents[j, time])
+            rows = self._rows(dataframe, parents, [(j, time)], [], [], mask_type)[0]
             coefficients[j, time] = dict(zip(parents, slopes(rows[-1], rows[:-1])))
 
         def effects(without: set[Node]) -> NDArray[np.float64]:
@@ -144,19 +207,45 @@ class CausalEffects:
 
     def predict_wright_effect(self, intervention_data: ArrayLike) -> NDArray[np.float64]:
         """How much Y changes, (n, 1), if X are changed by each row of `intervention_data` (n, len(X))."""
-        return np.asarray(self._interventions(intervention_data) @ self._wright)[:, np.newaxis]
+        return np.asarray(self._values("intervention_data", intervention_data, len(self.X)) @ self._wright)[:, np.newaxis]
 
-    def _interventions(self, values: ArrayLike) -> NDArray[np.float64]:
+    def fit_bootstrap_of(
+        self, method: str, method_args: Mapping[str, Any], boot_samples: int = 100, boot_blocklength: int = 1, seed: int | None = None
+    ) -> CausalEffects:
+        """Calls a `fit_` method on samples drawn with replacement, in blocks of so many, for `predict_bootstrap_of`."""
+        first = int(np.random.default_rng().integers(2**31)) if seed is None else seed * boot_samples
+        frame, self._boots = method_args["dataframe"], list[CausalEffects]()
+        try:
+            for number in range(boot_samples):
+                frame.bootstrap = {"boot_blocklength": boot_blocklength, "random_state": np.random.default_rng(first + number)}
+                one = CausalEffects.__new__(CausalEffects)
+                one.__dict__ = dict(self.__dict__)
+                self._boots.append(getattr(one, method)(**method_args))
+        finally:
+            frame.bootstrap = None
+        return self
+
+    def predict_bootstrap_of(
+        self, method: str, method_args: Mapping[str, Any], conf_lev: float = 0.9, return_individual_bootstrap_results: bool = False
+    ) -> Any:
+        """The interval [low, high] of what a `predict_` method returns over the bootstraps, and each if asked for."""
+        found = np.stack([getattr(one, method)(**method_args) for one in self._boots])
+        interval = np.quantile(found, [(1 - conf_lev) / 2, (1 + conf_lev) / 2], axis=0)
+        return (found, interval) if return_individual_bootstrap_results else interval
+
+    def _values(self, name: str, values: ArrayLike, width: int) -> NDArray[np.float64]:
         rows = np.asarray(values, dtype=np.float64)
-        if rows.ndim != 2 or rows.shape[1] != len(self.X):
-            raise DataError(f"intervention_data has shape {rows.shape}; give a row of {len(self.X)} values for each intervention")
+        if rows.ndim != 2 or rows.shape[1] != width:
+            raise DataError(f"{name} has shape {rows.shape}; give a row of {width} values for each intervention")
         return rows
 
-    def _rows(self, dataframe: Any, x: Sequence[Node], y: Sequence[Node], more: Sequence[Node], mask_type: str | None) -> Any:
+    def _rows(
+        self, dataframe: Any, x: Sequence[Node], y: Sequence[Node], z: Sequence[Node], more: Sequence[Node], mask_type: str | None
+    ) -> Any:
         if dataframe.N != self.N:
             raise DataError(f"the graph has {self.N} variables, the data {dataframe.N}")
         return dataframe.construct_array(
-            X=x, Y=y, Z=[], extraZ=more, tau_max=self.tau_max, mask_type=mask_type, cut_off="tau_max", do_checks=False
+            X=x, Y=y, Z=z, extraZ=more, tau_max=self.tau_max, mask_type=mask_type, cut_off="tau_max", do_checks=False
         )
 
     @staticmethod
@@ -165,6 +254,32 @@ class CausalEffects:
         return graph_of_links(links, tau_max)
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__") or name in ("estimator", "_others", "_wright"):
+        if name.startswith("__") or name in ("estimator", "_others", "_wright", "_boots"):
             raise AttributeError(f"{name}: fit an effect first")
         raise NotCovered(f"CausalEffects.{name} is not covered by roscausal; tigramite.causal_effects.CausalEffects takes our frames")
+
+
+def _unrolled(marks: NDArray[Any], window: int) -> Graph:
+    """The graph of all nodes with lags up to `window`."""
+    graph = Graph()
+    for i, j, lag in np.argwhere((marks == "-->") | (marks == "<->") | (marks == "+->")).tolist():
+        for time in range(window - lag + 1):
+            nodes = (i, -time - lag), (j, -time)
+            if marks[i, j, lag] != "<->":
+                graph.arrow(*nodes)
+            if marks[i, j, lag] != "-->":
+                graph.both(*nodes)
+    return graph
+
+
+def _drawn(nodes: Graph, n: int, window: int) -> NDArray[np.str_]:
+    """Marks (N, N, window + 1, window + 1) as [from, to, lag of from, lag of to]."""
+    marks = np.full((n, n, window + 1, window + 1), "", dtype="<U3")
+    for (i, a), others in nodes.children.items():
+        for j, b in others:
+            both = (j, b) in nodes.siblings[i, a]
+            marks[i, j, -a, -b], marks[j, i, -b, -a] = ("+->", "<-+") if both else ("-->", "<--")
+    for (i, a), others in nodes.siblings.items():
+        for j, b in others:
+            marks[i, j, -a, -b] = marks[i, j, -a, -b] or "<->"
+    return marks

@@ -17,7 +17,7 @@ from .refusal import NotCovered, missing, unknown
 
 Nodes = Sequence[tuple[int, int]]
 __getattr__ = missing(
-    __name__, "get_acf", "get_block_length", "lowhighpass_filter", "ordinal_patt_array", "quantile_bin_array", "smooth", "var_process",
+    __name__, "get_acf", "get_block_length", "lowhighpass_filter", "ordinal_patt_array", "smooth", "var_process",
     "structural_causal_process",
 )  # fmt: skip
 
@@ -267,6 +267,13 @@ def time_bin_with_mask(data: ArrayLike, time_bin_length: int, mask: ArrayLike | 
     parts, left = (a[: bins * time_bin_length].reshape(bins, time_bin_length, *values.shape[1:]) for a in (values, used))
     means: NDArray[Any] = np.where(left, parts, 0.0).sum(axis=1) / np.maximum(left.sum(axis=1), 1)
     return means.astype("float32"), bins
+
+
+def quantile_bin_array(data: NDArray[np.float64], bins: int = 6) -> NDArray[np.int32]:
+    """Values (T, N) as numbers 0 to bins - 1, of which each but the last has equally many."""
+    width = -(-len(data) // bins)
+    columns = [np.searchsorted(np.sort(column)[width::width], column, side="right") for column in data.T]
+    return np.stack(columns, axis=1).astype(np.int32)
 
 
 def weighted_avg_and_std(values: ArrayLike, axis: int, weights: Any) -> tuple[Any, Any]:

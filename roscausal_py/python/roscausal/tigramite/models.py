@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._native import DataError, SettingError
-from .refusal import NotCovered, missing, not_covered
+from .refusal import NotCovered, not_covered, refused
 
 LagMode = Literal["absmax", "all_lags"]
-__getattr__ = missing(__name__, "Models", "Prediction")
+Models, Prediction = (refused(__name__, name) for name in ("Models", "Prediction"))
 
 
 class LinearMediation:

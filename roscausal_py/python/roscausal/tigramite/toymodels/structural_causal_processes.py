@@ -14,8 +14,8 @@ from ..results import graph_of_links
 
 Links = Mapping[int, Sequence[tuple[tuple[int, int], float, Callable[[Any], Any]]]]
 __getattr__ = missing(
-    __name__, "check_stationarity", "dag_to_links", "generate_structural_causal_process", "structural_causal_process_ensemble", "var_process",
-)  # fmt: skip
+    __name__, "check_stationarity", "dag_to_links", "generate_structural_causal_process", "var_process"
+)
 
 
 def structural_causal_process(
@@ -55,6 +55,15 @@ def structural_causal_process(
                 x[t, j] += coefficient * function(x[t + lag, i])
     x = x[first:]
     return x, bool(np.any(~np.isfinite(x)) or np.max(np.abs(x)) > 1e100)
+
+
+def structural_causal_process_ensemble(
+    realizations: int = 10, ensemble_seed: int | None = None, **given: Any
+) -> tuple[NDArray[np.float32], bool]:
+    """So many of `structural_causal_process`, (realizations, T, N), and whether one runs away."""
+    seeds = [None if ensemble_seed is None else ensemble_seed * realizations + number for number in range(realizations)]
+    series, away = zip(*(structural_causal_process(**given, seed=seed) for seed in seeds))
+    return np.stack(series), any(away)
 
 
 def links_to_graph(links: Mapping[int, Any], tau_max: int | None = None) -> NDArray[np.str_]:
