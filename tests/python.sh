@@ -47,6 +47,10 @@ part "examples of the documentation" "$clean/bin/python" -m pytest -q -p no:cach
 # Programs that users have beside it.
 "$clean/bin/pip" install --quiet --disable-pip-version-check mypy pandas polars pyarrow xarray networkx matplotlib nbclient ipykernel jsonschema ||
   give_up "pandas, polars, pyarrow, xarray, networkx, matplotlib, nbclient, jsonschema or mypy cannot be installed from PyPI"
+# Of these only the graphs: their programs bring Java, torch and others.
+"$clean/bin/pip" install --quiet --disable-pip-version-check scipy pydot rectangle-packer grandalf &&
+  "$clean/bin/pip" install --quiet --disable-pip-version-check --no-deps causal-learn py-causalflow ||
+  give_up "causal-learn or py-causalflow cannot be installed from PyPI"
 part "tables, graphs and pictures of others" "$clean/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/others.py
 part "models are as their JSON Schema says" "$clean/bin/python" tests/schema.py "$clean/bin/roscausal"
 part "notebooks" "$clean/bin/python" -m pytest -q -p no:cacheprovider roscausal_py/tests/notebooks.py

@@ -163,7 +163,7 @@ def test_other_sets_are_taken_and_checked(how):
     found = ours(graph, graph_type="dag", X=[(1, 0)], Y=[(2, 0)])
     assert found.fit_total_effect(frame, regression(), adjustment_set=how).predict_total_effect([[1.0]]).shape == (1,)
     for bad in ([], [(2, 0)]):
-        with pytest.raises(ValueError, match="does not make the effect a regression"):
+        with pytest.raises(ValueError, match="makes the effect a regression"):
             found.fit_total_effect(frame, regression(), adjustment_set=bad)
 
 

@@ -1,4 +1,4 @@
-"""Tables of pandas, polars and Arrow; graphs of networkx; pictures of matplotlib. Run by tests/python.sh where they are installed."""
+"""Tables of pandas, polars and Arrow; graphs of networkx, causal-learn and causalflow; pictures of matplotlib. Run by tests/python.sh where they are installed."""
 
 import matplotlib
 import networkx
@@ -59,6 +59,16 @@ def test_a_model_becomes_a_graph_a_table_and_a_plot(columns):
     assert len(model.plot().images) == 1
     open_pair = rc.discover({"x": columns["a"], "y": columns["a"] + 0.1 * columns["b"]}, tau_min=0, **SETTINGS).to_networkx()
     assert open_pair.has_edge("x", "y") and open_pair.has_edge("y", "x")
+
+
+def test_a_model_becomes_a_graph_of_causal_learn_and_causalflow(columns):
+    model = rc.discover(columns, tau_max=2, **SETTINGS)
+    pairs = {(link.cause, link.effect, link.lag) for link in model.links}
+    edges = {(edge.get_node1().get_name(), edge.get_node2().get_name()) for edge in model.to_causal_learn().get_graph_edges()}
+    at = {lag: f"(t-{lag})" if lag else "" for lag in range(3)}
+    assert edges == {(cause + at[time + lag], effect + at[time]) for cause, effect, lag in pairs for time in range(3 - lag)}
+    theirs = model.to_causalflow().get_Adj()
+    assert {(cause, effect, -lag) for effect, causes in theirs.items() for cause, lag in causes} == pairs
 
 
 def test_a_table_gives_the_model_of_its_csv_file_whatever_its_times_are(tmp_path, quick):

@@ -468,6 +468,32 @@ class Model:
                 graph.add_edge(link.effect, link.cause, **facts)
         return graph
 
+    def to_causal_learn(self) -> Any:
+        """The graph as a GeneralGraph of causal-learn: a node `x(t-k)` for each variable and lag, each link at all times."""
+        from causallearn.graph.Edge import Edge  # type: ignore[import-not-found, import-untyped, unused-ignore]
+        from causallearn.graph.Endpoint import Endpoint  # type: ignore[import-not-found, import-untyped, unused-ignore]
+        from causallearn.graph.GeneralGraph import GeneralGraph  # type: ignore[import-not-found, import-untyped, unused-ignore]
+        from causallearn.graph.GraphNode import GraphNode  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+        lags = range(self.graph.shape[2])
+        nodes = {(name, lag): GraphNode(f"{name}(t-{lag})" if lag else name) for lag in lags for name in self.features}
+        graph = GeneralGraph(list(nodes.values()))
+        ends = {"-": Endpoint.TAIL, "<": Endpoint.ARROW, ">": Endpoint.ARROW}
+        for link in self.links:
+            first, last = (ends.get(end, Endpoint.CIRCLE) for end in (link.mark[0], link.mark[-1]))
+            for time in lags[: len(lags) - link.lag]:
+                graph.add_edge(Edge(nodes[link.cause, time + link.lag], nodes[link.effect, time], first, last))
+        return graph
+
+    def to_causalflow(self) -> Any:
+        """The graph as a DAG of causalflow, whose pictures and simulators take it."""
+        from causalflow.graph.DAG import DAG  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+        graph = DAG(self.features, min((link.lag for link in self.links), default=1), self.graph.shape[2] - 1)
+        for link in self.links:
+            graph.add_source(link.effect, link.cause, link.value, link.p_value, link.lag, link.mark)
+        return graph
+
     @staticmethod
     def from_msg(causal_model: Any, info: Any = None) -> Model:
         """The model of a ROS message `roscausal_msgs/CausalModel`, as rclpy, rospy or rosbags give it.

@@ -18,6 +18,9 @@ from .results import graph_of_links
 
 MARKS = {"dag": {"-->", "<--"}, "stationary_dag": {"-->", "<--"}, "admg": {"-->", "<--", "<->", "+->", "<-+"}}
 
+Least = bool | Literal["colliders_only"]
+SETS: dict[str, Least] = {"optimal": False, "minimized_optimal": True, "colliders_minimized_optimal": "colliders_only"}
+
 
 class CausalEffects:
     """The effect of setting X on Y.
@@ -86,7 +89,7 @@ class CausalEffects:
         self.graph = _drawn(nodes, self.N, self.tau_max)
 
     def get_optimal_set(
-        self, alternative_conditions: None = None, minimize: bool | Literal["colliders_only"] = False, return_separate_sets: bool = False
+        self, alternative_conditions: None = None, minimize: Least = False, return_separate_sets: bool = False
     ) -> list[Node] | bool:
         """What the regression of `fit_total_effect` adjusts for, the set of least variance with S; False where none is valid.
 
@@ -125,13 +128,14 @@ class CausalEffects:
         not_covered(data_transform=data_transform, ignore_identifiability=ignore_identifiability)
         if self.no_causal_path:
             return self
-        names = {"optimal": False, "minimized_optimal": True, "colliders_minimized_optimal": "colliders_only"}
-        if isinstance(adjustment_set, str) and adjustment_set not in names:
-            raise SettingError(f"setting 'adjustment_set': '{adjustment_set}' is unknown; give {', '.join(names)}, or nodes [(i, -lag), ..]")
-        found = self.get_optimal_set(minimize=names[adjustment_set]) if isinstance(adjustment_set, str) else adjustment_set
-        given = found if isinstance(found, bool) else {(int(i), int(lag)) for i, lag in found}
-        if given is False or given & self._sets.forbidden or not self._sets.adjusts(given):
-            raise DataError("this set, or any, does not make the effect a regression: causes stay open, or X drive each other by way of Y")
+        found: Any = adjustment_set
+        if isinstance(adjustment_set, str):
+            if adjustment_set not in SETS:
+                raise SettingError(f"setting 'adjustment_set': '{adjustment_set}' is unknown; give {', '.join(SETS)}, or nodes [(i, -lag), ..]")
+            found = self.get_optimal_set(minimize=SETS[adjustment_set]) or []
+        given = {(int(i), int(lag)) for i, lag in found}
+        if given & self._sets.forbidden or not self._sets.adjusts(given):
+            raise DataError("no set, or not this one, makes the effect a regression: causes stay open, or X drive each other by way of Y")
         rows, roles, _ = self._rows(dataframe, self.X, self.Y, self.S, sorted(given - {*self.S}), mask_type)
         x, y, self._conditions, self._others = (rows[roles == role].T for role in range(4))
         self.estimator = deepcopy(estimator).fit(np.hstack([x, self._others, self._conditions]), y[:, 0] if len(self.Y) == 1 else y)
@@ -153,9 +157,9 @@ class CausalEffects:
         if intervention_type != "hard":
             raise NotCovered(f"intervention_type='{intervention_type}' is not covered by roscausal.tigramite; it has 'hard'")
         imposed = self._values("intervention_data", intervention_data, len(self.X))
-        if bool(self.S) != (conditions_data is not None) or (conditions_data is not None and len(conditions_data) != len(imposed)):
-            raise DataError("conditions_data: give a row of values of S for each intervention where there are conditions, and only there")
         given = self._values("conditions_data", np.zeros((len(imposed), 0)) if conditions_data is None else conditions_data, len(self.S))
+        if len(given) != len(imposed):
+            raise DataError(f"conditions_data has {len(given)} rows for {len(imposed)} interventions")
         if self.no_causal_path:
             return np.zeros((len(imposed), *((len(self.Y),) if len(self.Y) > 1 else ())))
         found = []
