@@ -21,6 +21,8 @@ const LARGEST: u64 = 16 << 20;
 #[derive(Default)]
 pub(crate) struct Metadata {
     path: PathBuf,
+    /// Whether it is there and says nothing that is known.
+    unreadable: bool,
     /// Names of files.
     files: Vec<String>,
     /// Messages by name and type of the topic.
@@ -35,7 +37,9 @@ impl Metadata {
         }
         let text = bounded::read_text(&path, LARGEST).unwrap_or_default();
         let value = serde_norway::from_str::<Value>(&text).unwrap_or_default();
-        let Some(value) = value.get("rosbag2_bagfile_information") else { return Self::default() };
+        let Some(value) = value.get("rosbag2_bagfile_information").filter(|value| value.is_mapping()) else {
+            return Self { path, unreadable: true, ..Self::default() };
+        };
         let list = |key: &str| value.get(key).and_then(Value::as_sequence).into_iter().flatten();
         // Versions of rosbag2 differ in whether the folder is a part of a name.
         let last = |name: &Value| Some(Path::new(name.as_str()?).file_name()?.to_string_lossy().into_owned());
@@ -49,10 +53,11 @@ impl Metadata {
             files: list("relative_file_paths").filter_map(last).collect(),
             counts: list("topics_with_message_count").filter_map(count).collect(),
             path,
+            unreadable: false,
         }
     }
 
-    /// A sentence about each file that is listed but not there, packed or unpacked.
+    /// A sentence about each file that is listed but not there, packed or unpacked, and about a list that cannot be read.
     pub(crate) fn missing(&self) -> Vec<String> {
         let there = |name: &String| {
             let file = self.path.with_file_name(name);
@@ -63,7 +68,9 @@ impl Metadata {
         let path = self.path.display();
         let is_missing = "a part of the recording, is missing; its messages are left out";
         let sentence = |name: &String| format!("{path}: {name}, {is_missing}");
-        self.files.iter().filter(|name| !there(name)).map(sentence).collect()
+        let unreadable = format!("{path}: it is no list of rosbag2, so whether a part is missing is not known");
+        let missing = self.files.iter().filter(|name| !there(name)).map(sentence);
+        self.unreadable.then_some(unreadable).into_iter().chain(missing).collect()
     }
 
     /// How many messages of each topic there should be, if it tells.

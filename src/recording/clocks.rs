@@ -307,12 +307,11 @@ impl Clocks {
             let Offset { count, stepped: Stepped { mistakes, .. }, .. } = offset;
             let (file, name, wrong) = (path.display(), &topic.name, mistakes.len());
             if wrong as f64 / count.max(1) as f64 > MOST_MISTAKEN {
-                clocks.notes.push(format!(
-                    "{file}: {wrong} of {count} messages of {name} are stamped far from those around them; --clock {name}=recording uses \
-                     the time at which they were recorded instead"
-                ));
-                clocks.mistakes.push(BTreeSet::new());
-                continue;
+                let reason = format!(
+                    "{wrong} of {count} messages of {name} are stamped far from those around them, too many to leave them out; --clock \
+                     {name}=recording uses the time at which they were recorded instead"
+                );
+                return Err(Error::file(path, reason));
             }
             if wrong > 0 {
                 clocks.notes.push(format!(
