@@ -8,6 +8,7 @@ use std::{
 
 use roscausal_core::{
     Result, Time,
+    batch::OFTEN_TO_HOLD,
     gate::lock,
     loopback::{Loopback, LoopbackNode, LoopbackPublisher, LoopbackSubscription},
     middleware::{Middleware, Publish, Qos, Raw, RawType},
@@ -37,8 +38,6 @@ const LONGEST_HOLE_NS: i64 = 30 * 86_400 * 1_000_000_000;
 const ENOUGH: f64 = 0.85;
 /// Rows that are more uneven make links at lag 0 in a recording of 1200 rows (`roscausal_core/examples/sightings.rs`). Steps.
 const UNEVEN: f64 = 0.05;
-/// Of so many sightings for each row, the newest is held.
-const HELD: f64 = 2.5;
 /// What of the nodes' diagnostics is kept.
 const SAID: [&str; 5] = [labels::NAMES, labels::CHANGED, labels::PER_ROW, labels::AHEAD, labels::FOLLOWS];
 type Troubles = Arc<Mutex<BTreeMap<String, String>>>;
@@ -236,12 +235,12 @@ fn of_rows((per_row, uneven): (f64, f64)) -> Option<String> {
              times as long has one for each row"
         ));
     }
-    (uneven > UNEVEN && per_row < HELD).then(|| {
+    (uneven > UNEVEN && per_row * OFTEN_TO_HOLD < 1.0).then(|| {
         format!(
             "rows are made at sightings, whose moments are uneven by {:.0} % of a step, so a link at lag 0 between a person and the robot may be \
              false; with a step (--dt) {:.1} times as long, rows hold the newest sighting instead",
             100.0 * uneven,
-            HELD / per_row.max(1.0)
+            1.0 / (OFTEN_TO_HOLD * per_row.max(1.0))
         )
     })
 }

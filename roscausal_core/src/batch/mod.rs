@@ -24,4 +24,4 @@ pub use id::IdFormat;
 pub use recording::{Column, EndedBy, Gap, Imposed, Recording};
 pub use select::Select;
 pub use table::Table;
-pub use tracks::{Field, Sampling, Values};
+pub use tracks::{Field, OFTEN_TO_HOLD, Sampling, Values};

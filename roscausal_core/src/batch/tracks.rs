@@ -22,7 +22,7 @@ const FARTHEST_AHEAD: f64 = 0.3;
 /// Where samples come about as often as rows (so that a third more would be lost), and not so often that they are held, rows are made at samples. Steps.
 const A_ROW: f64 = 1.35;
 /// Where samples usually come so often, in steps, or more often, held ones are young enough.
-const OFTEN_TO_HOLD: f64 = 0.42;
+pub const OFTEN_TO_HOLD: f64 = 0.42;
 
 /// A slower body stands, m/s, and the cosine of a smaller angle is the same way.
 const MOVES: f64 = 0.1;
