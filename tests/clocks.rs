@@ -377,7 +377,8 @@ fn transforms_that_come_seldom_are_interpolated() {
 fn who_was_missing_or_where_both_were_is_told() {
     let dir = tempfile::tempdir().expect("a folder");
     for (walk, says) in [
-        (Walk { units: 1000.0, ..SOUND }, "people seem to be in millimetres or in another frame"),
+        (Walk { units: 1000.0, ..SOUND }, "people seem to be in millimetres, centimetres or another frame"),
+        (Walk { units: 100.0, ..SOUND }, "people seem to be in millimetres, centimetres or another frame"),
         (Walk { late: 750, people_stamp: &|number| step(number + 750), ..SOUND }, "the robot is there"),
     ] {
         walk.write(&dir.path().join("apart.mcap"));

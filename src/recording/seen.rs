@@ -14,7 +14,7 @@ use roscausal_core::{
 use roscausal_msgs::{Humans, RobotState, geometry_msgs::Pose2D};
 
 /// Nobody walks so far from the robot that it matters. Metres.
-const FAR_M: f64 = 500.0;
+const FAR_M: f64 = 100.0;
 
 /// The times and places of the robot, or of people.
 #[derive(Clone, Copy, Debug, Default)]
@@ -60,7 +60,7 @@ impl Seen {
         let (robot, people) = (robot?, people?);
         (size(people) > FAR_M && size(people) > 50.0 * size(robot)).then(|| {
             let both = coordinates(robot, people);
-            format!("{both}: people seem to be in millimetres or in another frame; ROS has metres, so convert them first")
+            format!("{both}: people seem to be in millimetres, centimetres or another frame; ROS has metres, so convert them first")
         })
     }
 }
