@@ -350,14 +350,9 @@ class Model:
         return page(self, _native.export(self._text, "level"))
 
     def structural(
-        self,
-        data: Any = None,
-        *,
-        equations: Literal["auto", "linear", "gp"] = "auto",
-        acts_on: Mapping[str, str] | None = None,
-        seed: int = 42,
-        threads: int | None = None,
-    ) -> StructuralModel:
+        self, data: Any = None, *, equations: Literal["auto", "linear", "gp"] = "auto",
+        acts_on: Mapping[str, str] | None = None, seed: int = 42, threads: int | None = None,
+    ) -> StructuralModel:  # fmt: skip
         """The model with an equation for each variable: it answers questions.
 
         Args:

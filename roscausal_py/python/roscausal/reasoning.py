@@ -299,14 +299,9 @@ class StructuralModel:
 
     @staticmethod
     def fit(
-        graph: str,
-        data: Recordings,
-        *,
-        equations: Literal["auto", "linear", "gp"] = "auto",
-        acts_on: Mapping[str, str] | None = None,
-        seed: int = 42,
-        threads: int | None = None,
-    ) -> StructuralModel:
+        graph: str, data: Recordings, *, equations: Literal["auto", "linear", "gp"] = "auto",
+        acts_on: Mapping[str, str] | None = None, seed: int = 42, threads: int | None = None,
+    ) -> StructuralModel:  # fmt: skip
         """Fits an equation for each variable of a graph. `Model.structural` calls this with the graph that it found.
 
         Args:
@@ -358,15 +353,9 @@ class StructuralModel:
         return recording, int(now)
 
     def predict(
-        self,
-        horizon: int = 10,
-        *,
-        variables: Sequence[str] = (),
-        at: int | None = None,
-        recording: int = -1,
-        paths: int = 400,
+        self, horizon: int = 10, *, variables: Sequence[str] = (), at: int | None = None, recording: int = -1, paths: int = 400,
         seed: int = 42,
-    ) -> WhatIf:
+    ) -> WhatIf:  # fmt: skip
         """What will happen if nobody acts. As `whatif` with the one action `go on`; so are the arguments.
 
         Returns:
@@ -375,20 +364,10 @@ class StructuralModel:
         return self.whatif((), horizon, variables=variables, at=at, recording=recording, paths=paths, seed=seed)
 
     def whatif(
-        self,
-        actions: str | Sequence[str],
-        horizon: int = 10,
-        *,
-        cost: Mapping[str, float] | None = None,
-        limits: Sequence[str] = (),
-        had: bool = False,
-        variables: Sequence[str] = (),
-        at: int | None = None,
-        recording: int = -1,
-        allow_extrapolation: bool = False,
-        paths: int = 400,
-        seed: int = 42,
-    ) -> WhatIf:
+        self, actions: str | Sequence[str], horizon: int = 10, *, cost: Mapping[str, float] | None = None,
+        limits: Sequence[str] = (), had: bool = False, variables: Sequence[str] = (), at: int | None = None,
+        recording: int = -1, allow_extrapolation: bool = False, paths: int = 400, seed: int = 42,
+    ) -> WhatIf:  # fmt: skip
         """What will happen under each action, and which is best.
 
         Args:
@@ -448,15 +427,9 @@ class StructuralModel:
         return Effect._of(found, words, **arrays, mediated=dict(zip(found["mediators"], found["mediated"])))
 
     def explain(
-        self,
-        variable: str,
-        from_row: int | None = None,
-        to_row: int | None = None,
-        *,
-        horizon: int = 10,
-        recording: int = -1,
+        self, variable: str, from_row: int | None = None, to_row: int | None = None, *, horizon: int = 10, recording: int = -1,
         seed: int = 42,
-    ) -> Explanation:
+    ) -> Explanation:  # fmt: skip
         """Why a variable changed: the part of each other variable's surprise.
 
         Args:
