@@ -357,10 +357,7 @@ class Model:
 
         Args:
             data: The rows to fit on, as for `rc.discover`; None: those that the model was found in.
-            equations: "auto" (a Gaussian process where it predicts better than a line), "linear" or "gp".
-            acts_on: Columns of interventions to the variable that each sets; None: the demo's.
-            seed: Of all random numbers.
-            threads: None: all cores. They do not change the result.
+            equations, acts_on, seed, threads: As in `StructuralModel.fit`.
         """
         from .reasoning import StructuralModel
 

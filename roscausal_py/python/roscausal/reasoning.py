@@ -37,10 +37,7 @@ class Forecast:
 
     Example:
         >>> import numpy as np, roscausal as rc
-        >>> x = np.random.default_rng(5).normal(size=(300, 2))
-        >>> x[1:, 1] += x[:-1, 0]
-        >>> model = rc.discover(x, columns=["a", "b"], method="pcmci", test="parcorr", alpha=0.001).structural(equations="linear")
-        >>> model.predict(3)["go on"]["b"].mean.shape
+        >>> rc.Forecast("gap", *np.zeros((4, 3))).mean.shape
         (3,)
     """
 
@@ -69,12 +66,9 @@ class Outlook:
 
     Example:
         >>> import numpy as np, roscausal as rc
-        >>> x = np.random.default_rng(5).normal(size=(300, 2))
-        >>> x[1:, 1] += x[:-1, 0]
-        >>> model = rc.discover(x, columns=["a", "b"], method="pcmci", test="parcorr", alpha=0.001).structural(equations="linear")
-        >>> outlook = model.whatif("high: a=1", 3)["high"]
-        >>> outlook.refused, [forecast.variable for forecast in outlook.forecasts]
-        (False, ['a', 'b'])
+        >>> forecast = rc.Forecast("gap", *np.zeros((4, 3)))
+        >>> rc.Outlook("stop", False, [forecast], 3, 0.2, 0.1, 0.3, 1.0, 0.8, "the gap stays")["gap"].mean.shape
+        (3,)
     """
 
     action: str
@@ -139,8 +133,8 @@ class WhatIf(_Answer):
         >>> x[1:, 1] += x[:-1, 0]
         >>> model = rc.discover(x, columns=["a", "b"], method="pcmci", test="parcorr", alpha=0.001).structural(equations="linear")
         >>> answer = model.whatif(["high: a=1", "low: a=-1"], 3, cost={"b": 1})
-        >>> answer.status, answer.best.action
-        ('OK', 'low')
+        >>> answer.status, answer.best.action, answer["low"]["b"].mean.shape
+        ('OK', 'low', (3,))
     """
 
     outlooks: list[Outlook]
@@ -180,9 +174,7 @@ class Effect(_Answer):
     """How strongly one variable drives another. Arrays are by lag, (max_lag + 1,), lag 0 first. `print` shows the command's text.
 
     Attributes:
-        status: How to take the answer: OK, NOT_SUPPORTED, AMBIGUOUS.
-        message: Why it is not OK, in a sentence.
-        caveats: What it rests on, one sentence each.
+        status, message, caveats: As in `WhatIf`.
         total: Effect of a unit pulse of the cause, by all paths.
         lower: Lower end of its interval of 90 %.
         upper: Upper end of it.
@@ -239,9 +231,7 @@ class Explanation(_Answer):
     """A change of a variable, taken apart. `print` shows the command's text.
 
     Attributes:
-        status: How to take the answer: OK, NOT_SUPPORTED, AMBIGUOUS.
-        message: Why it is not OK, in a sentence.
-        caveats: What it rests on, one sentence each.
+        status, message, caveats: As in `WhatIf`.
         from_row: The row before the change.
         to_row: The row after it.
         change: How much the variable changed.
