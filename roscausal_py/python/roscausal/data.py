@@ -37,6 +37,8 @@ class Recordings:
         >>> pair = rc.Recordings(["a", "b"], [np.zeros((100, 2)), np.zeros((50, 2))])
         >>> len(pair), pair[1].shape
         (2, (50, 2))
+        >>> pair.rows(0, 2, 5)[0].shape, pair.select(["b"]).names
+        ((3, 2), ['b'])
     """
 
     names: list[str]
@@ -62,11 +64,6 @@ class Recordings:
             recording: Which one.
             start: First row.
             end: The row after the last one.
-
-        Example:
-            >>> import numpy as np, roscausal as rc
-            >>> rc.Recordings(["a", "b"], [np.zeros((9, 2))]).rows(0, 2, 5)[0].shape
-            (3, 2)
         """
         masked = [rows[start:end] for rows in self.masked[recording : recording + 1]]
         return Recordings(self.names, [self.arrays[recording][start:end]], self.dt, self.exogenous, self.warnings, masked)
@@ -79,11 +76,6 @@ class Recordings:
 
         Raises:
             SettingError: A name that is not there; the message has the nearest.
-
-        Example:
-            >>> import numpy as np, roscausal as rc
-            >>> rc.Recordings(["a", "b"], [np.zeros((9, 2))]).select(["b"]).names
-            ['b']
         """
         for name in columns:
             if name not in self.names:

@@ -350,22 +350,14 @@ class Model:
         return page(self, _native.export(self._text, "level"))
 
     def structural(
-        self,
-        data: Any = None,
-        *,
-        equations: Literal["auto", "linear", "gp"] = "auto",
-        acts_on: Mapping[str, str] | None = None,
-        seed: int = 42,
-        threads: int | None = None,
-    ) -> StructuralModel:
+        self, data: Any = None, *, equations: Literal["auto", "linear", "gp"] = "auto",
+        acts_on: Mapping[str, str] | None = None, seed: int = 42, threads: int | None = None,
+    ) -> StructuralModel:  # fmt: skip
         """The model with an equation for each variable: it answers questions.
 
         Args:
             data: The rows to fit on, as for `rc.discover`; None: those that the model was found in.
-            equations: "auto" (a Gaussian process where it predicts better than a line), "linear" or "gp".
-            acts_on: Columns of interventions to the variable that each sets; None: the demo's.
-            seed: Of all random numbers.
-            threads: None: all cores. They do not change the result.
+            equations, acts_on, seed, threads: As in `StructuralModel.fit`.
         """
         from .reasoning import StructuralModel
 

@@ -44,22 +44,16 @@ def discover(
         progress: True: a bar in a notebook, a line on stderr elsewhere; or a function of (tests done, estimated total).
         features: Variables to add, such as "speed = norm(rate(x), rate(y))".
         where: Rows that may be effects, such as "near < 3"; mask: a column that is 0 there; rows: a window of rows, "1..5000".
-        mask: See `where`.
-        rows: See `where`.
         missing_value: Numbers that stand for missing values; "none": there are none.
         recording: Column that says which recording a row is of. The levels of an index beside the times say it, too.
         time_column: Name of the column of times; "none": there is none; time_unit: its unit, such as "ms".
-        time_unit: See `time_column`.
         keep: Columns that stay variables although they count rows; "all".
         encode: "codes": words become numbers.
         resample: With `dt`, what a row holds: "last", "mean", "linear".
         max_gap: A longer step ends a recording, seconds; None: five steps.
         difference: Analyse changes, detrend: without a straight line, standardise: with mean 0 and deviation 1: of all, or of those named.
-        detrend: See `difference`.
-        standardise: See `difference`.
         season: Period whose mean course is taken out: rows, or "24h".
         drop_empty: Leave out columns without any number; drop_constant: those with one only.
-        drop_constant: See `drop_empty`.
         **settings: The settings of the analysis:
 
     With `resamples`, links have a `confidence`, and the model `link_frequency`, `val_low`, `val_high` and `advice`. A model that

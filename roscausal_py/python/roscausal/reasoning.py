@@ -37,10 +37,7 @@ class Forecast:
 
     Example:
         >>> import numpy as np, roscausal as rc
-        >>> x = np.random.default_rng(5).normal(size=(300, 2))
-        >>> x[1:, 1] += x[:-1, 0]
-        >>> model = rc.discover(x, columns=["a", "b"], method="pcmci", test="parcorr", alpha=0.001).structural(equations="linear")
-        >>> model.predict(3)["go on"]["b"].mean.shape
+        >>> rc.Forecast("gap", *np.zeros((4, 3))).mean.shape
         (3,)
     """
 
@@ -69,12 +66,9 @@ class Outlook:
 
     Example:
         >>> import numpy as np, roscausal as rc
-        >>> x = np.random.default_rng(5).normal(size=(300, 2))
-        >>> x[1:, 1] += x[:-1, 0]
-        >>> model = rc.discover(x, columns=["a", "b"], method="pcmci", test="parcorr", alpha=0.001).structural(equations="linear")
-        >>> outlook = model.whatif("high: a=1", 3)["high"]
-        >>> outlook.refused, [forecast.variable for forecast in outlook.forecasts]
-        (False, ['a', 'b'])
+        >>> forecast = rc.Forecast("gap", *np.zeros((4, 3)))
+        >>> rc.Outlook("stop", False, [forecast], 3, 0.2, 0.1, 0.3, 1.0, 0.8, "the gap stays")["gap"].mean.shape
+        (3,)
     """
 
     action: str
@@ -139,8 +133,8 @@ class WhatIf(_Answer):
         >>> x[1:, 1] += x[:-1, 0]
         >>> model = rc.discover(x, columns=["a", "b"], method="pcmci", test="parcorr", alpha=0.001).structural(equations="linear")
         >>> answer = model.whatif(["high: a=1", "low: a=-1"], 3, cost={"b": 1})
-        >>> answer.status, answer.best.action
-        ('OK', 'low')
+        >>> answer.status, answer.best.action, answer["low"]["b"].mean.shape
+        ('OK', 'low', (3,))
     """
 
     outlooks: list[Outlook]
@@ -180,9 +174,7 @@ class Effect(_Answer):
     """How strongly one variable drives another. Arrays are by lag, (max_lag + 1,), lag 0 first. `print` shows the command's text.
 
     Attributes:
-        status: How to take the answer: OK, NOT_SUPPORTED, AMBIGUOUS.
-        message: Why it is not OK, in a sentence.
-        caveats: What it rests on, one sentence each.
+        status, message, caveats: As in `WhatIf`.
         total: Effect of a unit pulse of the cause, by all paths.
         lower: Lower end of its interval of 90 %.
         upper: Upper end of it.
@@ -239,9 +231,7 @@ class Explanation(_Answer):
     """A change of a variable, taken apart. `print` shows the command's text.
 
     Attributes:
-        status: How to take the answer: OK, NOT_SUPPORTED, AMBIGUOUS.
-        message: Why it is not OK, in a sentence.
-        caveats: What it rests on, one sentence each.
+        status, message, caveats: As in `WhatIf`.
         from_row: The row before the change.
         to_row: The row after it.
         change: How much the variable changed.
@@ -299,14 +289,9 @@ class StructuralModel:
 
     @staticmethod
     def fit(
-        graph: str,
-        data: Recordings,
-        *,
-        equations: Literal["auto", "linear", "gp"] = "auto",
-        acts_on: Mapping[str, str] | None = None,
-        seed: int = 42,
-        threads: int | None = None,
-    ) -> StructuralModel:
+        graph: str, data: Recordings, *, equations: Literal["auto", "linear", "gp"] = "auto",
+        acts_on: Mapping[str, str] | None = None, seed: int = 42, threads: int | None = None,
+    ) -> StructuralModel:  # fmt: skip
         """Fits an equation for each variable of a graph. `Model.structural` calls this with the graph that it found.
 
         Args:
@@ -358,15 +343,9 @@ class StructuralModel:
         return recording, int(now)
 
     def predict(
-        self,
-        horizon: int = 10,
-        *,
-        variables: Sequence[str] = (),
-        at: int | None = None,
-        recording: int = -1,
-        paths: int = 400,
+        self, horizon: int = 10, *, variables: Sequence[str] = (), at: int | None = None, recording: int = -1, paths: int = 400,
         seed: int = 42,
-    ) -> WhatIf:
+    ) -> WhatIf:  # fmt: skip
         """What will happen if nobody acts. As `whatif` with the one action `go on`; so are the arguments.
 
         Returns:
@@ -375,20 +354,10 @@ class StructuralModel:
         return self.whatif((), horizon, variables=variables, at=at, recording=recording, paths=paths, seed=seed)
 
     def whatif(
-        self,
-        actions: str | Sequence[str],
-        horizon: int = 10,
-        *,
-        cost: Mapping[str, float] | None = None,
-        limits: Sequence[str] = (),
-        had: bool = False,
-        variables: Sequence[str] = (),
-        at: int | None = None,
-        recording: int = -1,
-        allow_extrapolation: bool = False,
-        paths: int = 400,
-        seed: int = 42,
-    ) -> WhatIf:
+        self, actions: str | Sequence[str], horizon: int = 10, *, cost: Mapping[str, float] | None = None,
+        limits: Sequence[str] = (), had: bool = False, variables: Sequence[str] = (), at: int | None = None,
+        recording: int = -1, allow_extrapolation: bool = False, paths: int = 400, seed: int = 42,
+    ) -> WhatIf:  # fmt: skip
         """What will happen under each action, and which is best.
 
         Args:
@@ -448,15 +417,9 @@ class StructuralModel:
         return Effect._of(found, words, **arrays, mediated=dict(zip(found["mediators"], found["mediated"])))
 
     def explain(
-        self,
-        variable: str,
-        from_row: int | None = None,
-        to_row: int | None = None,
-        *,
-        horizon: int = 10,
-        recording: int = -1,
+        self, variable: str, from_row: int | None = None, to_row: int | None = None, *, horizon: int = 10, recording: int = -1,
         seed: int = 42,
-    ) -> Explanation:
+    ) -> Explanation:  # fmt: skip
         """Why a variable changed: the part of each other variable's surprise.
 
         Args:

@@ -126,15 +126,9 @@ class Rolling(Sequence[Window]):
 
 
 def roll(
-    data: Any,
-    *,
-    window: int,
-    step: int | None = None,
-    columns: Sequence[str] | None = None,
-    test: str | None = None,
-    progress: Progress = None,
-    **settings: Unpack[Settings],
-) -> Rolling:
+    data: Any, *, window: int, step: int | None = None, columns: Sequence[str] | None = None, test: str | None = None,
+    progress: Progress = None, **settings: Unpack[Settings],
+) -> Rolling:  # fmt: skip
     """Analyses each window of the data on its own.
 
     Args:

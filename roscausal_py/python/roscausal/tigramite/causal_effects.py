@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
+from copy import copy, deepcopy
 from graphlib import CycleError, TopologicalSorter
 from typing import Any, Literal
 
@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._native import DataError, SettingError
 from .admg import Adjustment, Graph, Node
+from .data_processing import bootstrapped
 from .models import slopes
 from .refusal import NotCovered, not_covered
-from .results import graph_of_links
+from .results import graph_of_links, interval
 
 MARKS = {"dag": {"-->", "<--"}, "stationary_dag": {"-->", "<--"}, "admg": {"-->", "<--", "<->", "+->", "<-+"}}
 
@@ -217,16 +218,9 @@ class CausalEffects:
         self, method: str, method_args: Mapping[str, Any], boot_samples: int = 100, boot_blocklength: int = 1, seed: int | None = None
     ) -> CausalEffects:
         """Calls a `fit_` method on samples drawn with replacement, in blocks of so many, for `predict_bootstrap_of`."""
-        first = int(np.random.default_rng().integers(2**31)) if seed is None else seed * boot_samples
-        frame, self._boots = method_args["dataframe"], list[CausalEffects]()
-        try:
-            for number in range(boot_samples):
-                frame.bootstrap = {"boot_blocklength": boot_blocklength, "random_state": np.random.default_rng(first + number)}
-                one = CausalEffects.__new__(CausalEffects)
-                one.__dict__ = dict(self.__dict__)
-                self._boots.append(getattr(one, method)(**method_args))
-        finally:
-            frame.bootstrap = None
+        first = None if seed is None else seed * boot_samples
+        fit = lambda: getattr(copy(self), method)(**method_args)
+        self._boots = bootstrapped(method_args["dataframe"], fit, boot_samples, boot_blocklength, first)
         return self
 
     def predict_bootstrap_of(
@@ -234,8 +228,8 @@ class CausalEffects:
     ) -> Any:
         """The interval [low, high] of what a `predict_` method returns over the bootstraps, and each if asked for."""
         found = np.stack([getattr(one, method)(**method_args) for one in self._boots])
-        interval = np.quantile(found, [(1 - conf_lev) / 2, (1 + conf_lev) / 2], axis=0)
-        return (found, interval) if return_individual_bootstrap_results else interval
+        ends = interval(found, conf_lev)
+        return (found, ends) if return_individual_bootstrap_results else ends
 
     def _values(self, name: str, values: ArrayLike, width: int) -> NDArray[np.float64]:
         rows = np.asarray(values, dtype=np.float64)
@@ -252,10 +246,7 @@ class CausalEffects:
             X=x, Y=y, Z=z, extraZ=more, tau_max=self.tau_max, mask_type=mask_type, cut_off="tau_max", do_checks=False
         )
 
-    @staticmethod
-    def get_graph_from_dict(links: Mapping[int, Any], tau_max: int | None = None) -> NDArray[np.str_]:
-        """As `PCMCI.get_graph_from_dict`."""
-        return graph_of_links(links, tau_max)
+    get_graph_from_dict = staticmethod(graph_of_links)
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name in ("estimator", "_others", "_wright", "_boots"):

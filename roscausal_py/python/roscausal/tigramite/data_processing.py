@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from statistics import NormalDist
 from typing import Any, Literal
@@ -46,9 +46,12 @@ class DataFrame:
     Example:
         >>> import numpy as np
         >>> from roscausal.tigramite.data_processing import DataFrame
-        >>> frame = DataFrame(np.zeros((50, 2)), var_names=["a", "b"])
+        >>> frame = DataFrame(np.arange(10.0).reshape(5, 2), var_names=["a", "b"])
         >>> frame.N, frame.T
-        (2, {0: 50})
+        (2, {0: 5})
+        >>> array, xyz, _ = frame.construct_array([(0, -1)], [(1, 0)], [], tau_max=1)
+        >>> array.tolist(), xyz.tolist()
+        ([[2.0, 4.0, 6.0], [5.0, 7.0, 9.0]], [0, 1])
     """
 
     def __init__(
@@ -191,13 +194,6 @@ class DataFrame:
 
         Raises:
             ValueError: Nodes that are not there.
-
-        Example:
-            >>> import numpy as np
-            >>> from roscausal.tigramite.data_processing import DataFrame
-            >>> array, xyz, _ = DataFrame(np.arange(10.0).reshape(5, 2)).construct_array([(0, -1)], [(1, 0)], [], tau_max=1)
-            >>> array.tolist(), xyz.tolist()
-            ([[2.0, 4.0, 6.0], [5.0, 7.0, 9.0]], [0, 1])
         """
         given, of = (X, Y, Z or [], extraZ or []), self.vector_vars
         spread = [[(column, lag) for var, lag in role for column, _ in of.get(var, [(var, 0)])] for role in given]
@@ -237,6 +233,19 @@ class DataFrame:
                 kinds.append(np.array([types[key][times + lag, var] for var, lag in nodes])[:, ~dropped])
         array, kind = np.concatenate(blocks, axis=1), np.concatenate(kinds, axis=1) if kinds else None
         return (array, xyz, tuple(roles[:3]), kind) if return_cleaned_xyz else (array, xyz, kind)
+
+
+def bootstrapped(frame: Any, fit: Callable[[], Any], boot_samples: int, boot_blocklength: int, first: int | None) -> list[Any]:
+    """What `fit` returns on each of so many draws of a frame's samples, in blocks; `first`: the first draw's seed, None: another one each time."""
+    first = int(np.random.default_rng().integers(2**31)) if first is None else first
+    fits = []
+    try:
+        for number in range(boot_samples):
+            frame.bootstrap = {"boot_blocklength": boot_blocklength, "random_state": np.random.default_rng(first + number)}
+            fits.append(fit())
+    finally:
+        frame.bootstrap = None
+    return fits
 
 
 def start_of(cut_off: str, tau_max: int, nodes: Nodes) -> int:

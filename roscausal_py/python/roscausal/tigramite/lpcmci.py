@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .pcmci import PCMCI, Results
+from .pcmci import PCMCI, Results, _engines
 from .refusal import not_covered, unknown
 from .results import Links
 
@@ -46,18 +46,12 @@ class LPCMCI(PCMCI):
             n_preliminary_iterations: How often causes are learnt beforehand.
             fixed: The reference's other keywords, with its defaults only.
         """
+        given = locals()
         unknown("run_lpcmci", {name: None for name in fixed if name not in _FIXED}, _FIXED)
         not_covered(**{name: f"{value!r}" for name, value in fixed.items() if value != _FIXED[name]})
-        sizes = {
-            "max_p_global": max_p_global, "max_p_non_ancestral": max_p_non_ancestral, "max_q_global": max_q_global,
-            "max_pds_set": max_pds_set,
-        }  # fmt: skip
-        settings = {
-            "tau_min": tau_min, "tau_max": tau_max, "pc_alpha": pc_alpha, "n_preliminary_iterations": n_preliminary_iterations,
-            "max_cond_px": max_cond_px, "prelim_with_collider_rules": prelim_with_collider_rules,
-            "non_ancestral_phase": not no_non_ancestral_phase,
-            **{name: None if math.isinf(value) else int(value) for name, value in sizes.items()},
-        }  # fmt: skip
+        settings = {**_engines(given), "non_ancestral_phase": not no_non_ancestral_phase}
+        for name in ("max_p_global", "max_p_non_ancestral", "max_q_global", "max_pds_set"):
+            settings[name] = None if math.isinf(given[name]) else int(given[name])
         found = self._matrices(self._run("lpcmci", settings, link_assumptions), pc_alpha)
         found["p_matrix"][np.arange(self.N), np.arange(self.N), 0] = 0.0
         return {name: found[name] for name in ("graph", "p_matrix", "val_matrix")}

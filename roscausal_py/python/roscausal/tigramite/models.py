@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._native import DataError, SettingError
+from .data_processing import bootstrapped
 from .refusal import NotCovered, not_covered, refused
+from .results import interval
 
 LagMode = Literal["absmax", "all_lags"]
 Models, Prediction = (refused(__name__, name) for name in ("Models", "Prediction"))
@@ -100,15 +102,7 @@ class LinearMediation:
 
     def fit_model_bootstrap(self, boot_blocklength: int = 1, seed: int | None = None, boot_samples: int = 100) -> None:
         """Fits the equations again on samples drawn with replacement, in blocks of so many, for `get_bootstrap_of`."""
-        first = int(np.random.default_rng().integers(2**31)) if seed is None else seed
-        boots = []
-        try:
-            for number in range(boot_samples):
-                self.dataframe.bootstrap = {"boot_blocklength": boot_blocklength, "random_state": np.random.default_rng(first + number)}
-                boots.append(self._coefficients())
-        finally:
-            self.dataframe.bootstrap = None
-        self.phi_boots = np.stack(boots)
+        self.phi_boots = np.stack(bootstrapped(self.dataframe, self._coefficients, boot_samples, boot_blocklength, seed))
 
     def get_bootstrap_of(self, function: str, function_args: Mapping[str, Any], conf_lev: float = 0.9) -> NDArray[np.float64]:
         """The interval [low, high] of what a `get_` method returns, over the bootstraps of `fit_model_bootstrap`."""
@@ -119,7 +113,7 @@ class LinearMediation:
                 found.append(getattr(self, function)(**function_args))
         finally:
             self._follow(whole)
-        return np.asarray(np.quantile(found, [(1 - conf_lev) / 2, (1 + conf_lev) / 2], axis=0))
+        return interval(found, conf_lev)
 
     def _around(self, *mediators: int | Sequence[int]) -> NDArray[np.float64]:
         cut = self.phi.copy()

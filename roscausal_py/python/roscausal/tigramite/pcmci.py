@@ -27,7 +27,8 @@ Parents = Mapping[int, Sequence[tuple[int, int]]]
 #: What the engine reads of the keywords of a run.
 _SETTINGS = (
     "tau_min", "tau_max", "pc_alpha", "alpha_level", "fdr_method", "max_conds_dim", "max_combinations", "max_conds_py", "max_conds_px",
-    "max_conds_px_lagged", "contemp_collider_rule", "conflict_resolution", "reset_lagged_links",
+    "max_conds_px_lagged", "contemp_collider_rule", "conflict_resolution", "reset_lagged_links", "n_preliminary_iterations", "max_cond_px",
+    "prelim_with_collider_rules",
 )  # fmt: skip
 
 
@@ -82,6 +83,9 @@ class PCMCI:
         >>> pcmci = PCMCI(pp.DataFrame(x), ParCorr())
         >>> pcmci.run_pcmci(tau_max=1)["graph"][0, 1].tolist()
         ['', '-->']
+        >>> found = pcmci.run_bootstrap_of("run_pcmci", {"tau_max": 1}, boot_samples=30, seed=42)
+        >>> float(found["summary_results"]["link_frequency"][0, 1, 1])
+        1.0
     """
 
     #: What the variables are to J-PCMCI+.
@@ -275,11 +279,9 @@ class PCMCI:
         """Runs a method again and again on times drawn with replacement; lags stay whole.
 
         Args:
-            method: Such as "run_pcmci".
-            method_args: Its keywords.
+            method, method_args, conf_lev: As in `run_sliding_window_of`.
             boot_samples: Number of draws.
             boot_blocklength: Neighbouring times that are drawn together, or "cube_root".
-            conf_lev: Level of the interval of values over the draws.
             aggregation: "majority".
             seed: Of the draws; None: another one each time.
 
@@ -289,17 +291,6 @@ class PCMCI:
         Raises:
             ValueError: A method that is not there, a block that is too long, data that are too few.
             NotImplementedError: `boot_blocklength="from_autocorrelation"`.
-
-        Example:
-            >>> import numpy as np
-            >>> from roscausal.tigramite import data_processing as pp
-            >>> from roscausal.tigramite.independence_tests.parcorr import ParCorr
-            >>> from roscausal.tigramite.pcmci import PCMCI
-            >>> x = np.random.default_rng(1).normal(size=(300, 2))
-            >>> x[1:, 1] += x[:-1, 0]
-            >>> found = PCMCI(pp.DataFrame(x), ParCorr()).run_bootstrap_of("run_pcmci", {"tau_max": 1}, boot_samples=30, seed=42)
-            >>> float(found["summary_results"]["link_frequency"][0, 1, 1])
-            1.0
         """
         _repeatable(method)
         if aggregation != "majority" or boot_blocklength == "from_autocorrelation":
@@ -321,19 +312,7 @@ class PCMCI:
         joined = results.joined(runs)
         return {"summary_results": results.summary(joined, conf_lev, aggregation), "boot_results": joined}
 
-    @staticmethod
-    def return_summary_results(results_of_runs: Mapping[str, Any], conf_lev: float = 0.9, aggregation: str = "majority") -> Results:
-        """The most frequent marks of many runs, how frequent they are, mean values and intervals.
-
-        Args:
-            results_of_runs: `graph` and `val_matrix` with the run as first axis.
-            conf_lev: Level of the interval of values.
-            aggregation: "majority".
-
-        Returns:
-            `most_frequent_links`, `link_frequency`, `val_matrix_mean` (N, N, tau_max + 1); `val_matrix_interval` (.., 2).
-        """
-        return results.summary(results_of_runs, conf_lev, aggregation)
+    return_summary_results = staticmethod(results.summary)
 
     def get_corrected_pvalues(
         self, p_matrix: NDArray[Any], fdr_method: str = "fdr_bh", exclude_contemporaneous: bool = True, tau_min: int = 0,
@@ -390,15 +369,8 @@ class PCMCI:
             allowed = np.where(lags == 0, "o-o", "-->")
         return np.where(there, allowed, "").astype("<U3")
 
-    @staticmethod
-    def get_graph_from_dict(links: Mapping[int, Any], tau_max: int | None = None) -> NDArray[np.str_]:
-        """The graph of `{j: [(i, -lag), ..]}`, of `{j: [((i, -lag), coefficient, function), ..]}`, or of marks."""
-        return results.graph_of_links(links, tau_max)
-
-    @staticmethod
-    def graph_to_dict(graph: NDArray[Any]) -> dict[int, dict[tuple[int, int], str]]:
-        """The graph as `{j: {(i, -lag): mark}}`."""
-        return results.graph_as_dict(graph)
+    get_graph_from_dict = staticmethod(results.graph_of_links)
+    graph_to_dict = staticmethod(results.graph_as_dict)
 
     def return_parents_dict(
         self, graph: NDArray[Any], val_matrix: NDArray[Any], include_lagzero_parents: bool = False

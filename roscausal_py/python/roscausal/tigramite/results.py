@@ -48,7 +48,7 @@ def marked(shape: tuple[int, ...], marks: Mapping[tuple[int, int, int], str]) ->
 
 
 def graph_of_links(links: Mapping[int, Any], tau_max: int | None = None) -> NDArray[np.str_]:
-    """Marks (N, N, tau_max + 1) of nodes, of nodes with coefficients and functions, or of nodes with marks."""
+    """The graph, marks (N, N, tau_max + 1), of `{j: [(i, -lag), ..]}`, of `{j: [((i, -lag), coefficient, function), ..]}`, or of marks."""
     marks = {}
     for effect, causes in links.items():
         for cause in causes:
@@ -59,7 +59,7 @@ def graph_of_links(links: Mapping[int, Any], tau_max: int | None = None) -> NDAr
 
 
 def graph_as_dict(graph: NDArray[Any]) -> dict[int, dict[tuple[int, int], str]]:
-    """`{effect: {(cause, -lag): mark}}`."""
+    """The graph as `{j: {(i, -lag): mark}}`."""
     links: dict[int, dict[tuple[int, int], str]] = {effect: {} for effect in range(graph.shape[0])}
     for cause, effect, lag in zip(*np.where(np.asarray(graph) != "")):
         links[int(effect)][int(cause), -int(lag)] = str(graph[cause, effect, lag])
@@ -71,21 +71,34 @@ def strongest_first(nodes: Iterable[tuple[int, int]], effect: int, val_matrix: N
     return sorted(nodes, key=lambda node: -abs(val_matrix[node[0], effect, -node[1]]))
 
 
-def summary(results: Mapping[str, Any], conf_lev: float = 0.9, aggregation: str = "majority") -> dict[str, Any]:
-    """The most frequent marks of many runs, how frequent they are, mean values and intervals."""
+def interval(found: Any, conf_lev: float) -> NDArray[np.float64]:
+    """The interval of this level of what many runs found, the run as first axis: [low, high]."""
+    return np.asarray(np.quantile(found, [(1 - conf_lev) / 2, (1 + conf_lev) / 2], axis=0))
+
+
+def summary(results_of_runs: Mapping[str, Any], conf_lev: float = 0.9, aggregation: str = "majority") -> dict[str, Any]:
+    """The most frequent marks of many runs, how frequent they are, mean values and intervals.
+
+    Args:
+        results_of_runs: `graph` and `val_matrix` with the run as first axis.
+        conf_lev: Level of the interval of values.
+        aggregation: "majority".
+
+    Returns:
+        `most_frequent_links`, `link_frequency`, `val_matrix_mean` (N, N, tau_max + 1); `val_matrix_interval` (.., 2).
+    """
     if aggregation != "majority":
         raise NotCovered(f"aggregation='{aggregation}' is not covered by roscausal.tigramite; it has 'majority'")
-    graphs = np.asarray(results["graph"])
+    graphs = np.asarray(results_of_runs["graph"])
     counts = {mark: (graphs == mark).sum(axis=0) for mark in np.unique(graphs)}
     most = np.max(list(counts.values()), axis=0)
     tied = {mark: count == most for mark, count in counts.items()}
-    low, high = (1 - conf_lev) / 2, (1 + conf_lev) / 2
-    values = np.asarray(results["val_matrix"])
+    values = np.asarray(results_of_runs["val_matrix"])
     return {
         "most_frequent_links": _winner(tied, most.shape),
         "link_frequency": np.sum(list(tied.values()), axis=0) * most / graphs.shape[0],
         "val_matrix_mean": values.mean(axis=0),
-        "val_matrix_interval": np.stack([np.quantile(values, q, axis=0) for q in (low, high)], axis=3),
+        "val_matrix_interval": np.stack([*interval(values, conf_lev)], axis=3),
     }
 
 

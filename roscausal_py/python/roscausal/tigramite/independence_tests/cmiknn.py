@@ -20,22 +20,17 @@ class CMIknn(CondIndTest):
         others: Those of `CondIndTest`.
 
     Raises:
-        SettingError: A keyword or value that this test does not have.
         NotImplementedError: `null_fit`, another `permute` than "Y".
 
     Example:
         >>> import numpy as np
         >>> from roscausal.tigramite.independence_tests.cmiknn import CMIknn
         >>> x = np.sin(np.arange(80.0) ** 2)
-        >>> value, p = CMIknn(sig_samples=100).run_test_raw(x, x * x)
-        >>> p < 0.05
+        >>> CMIknn(sig_samples=100).run_test_raw(x, x * x)[1] < 0.05
         True
     """
 
-    measure = "cmi_knn"
-    _engine = "cmiknn"
-    _significance = "shuffle_test"
-    _one_sided = True
+    measure, _engine, _significance, _one_sided = "cmi_knn", "cmiknn", "shuffle_test", True
 
     def __init__(
         self, knn: float = 0.2, shuffle_neighbors: int = 5, significance: str = "shuffle_test",

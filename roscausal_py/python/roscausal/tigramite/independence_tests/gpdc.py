@@ -11,20 +11,15 @@ from .independence_tests_base import CondIndTest
 class GPDC(CondIndTest):
     """Gaussian processes and distance correlation: dependence with additive noise. The keywords are those of `CondIndTest`.
 
-    Raises:
-        SettingError: A keyword or value that this test does not have.
-
     Example:
         >>> import numpy as np
         >>> from roscausal.tigramite.independence_tests.gpdc import GPDC
         >>> x = np.arange(60) * 7 % 5
-        >>> value, p = GPDC().run_test_raw(x, x * x)
-        >>> p < 0.05
+        >>> GPDC().run_test_raw(x, x * x)[1] < 0.05
         True
     """
 
-    measure = "gp_dc"
-    _engine = "gpdc"
+    measure, _engine = "gp_dc", "gpdc"
 
     def __init__(self, null_dist_filename: None = None, gp_params: None = None, **others: Any) -> None:
         not_covered(null_dist_filename=null_dist_filename, gp_params=gp_params)

@@ -142,10 +142,7 @@ class CondIndTest:
             x: (n,), or (n, k) for a vector; so is y.
             z: (n, k), or None.
             x_type: Like x, 0 for numbers and 1 for categories; so are y_type and z_type.
-            alpha_or_thres: Level, or with "fixed_thres" the threshold.
-
-        Returns:
-            (value, p-value), and the decision if `alpha_or_thres` is given.
+            alpha_or_thres: As in `run_test`; so is what comes back.
         """
         parts = [_columns(x, "x"), _columns(y, "y"), *([] if z is None else [_columns(z, "z")])]
         if len({part.shape[0] for part in parts}) != 1:
@@ -181,9 +178,9 @@ class CondIndTest:
         raise NotCovered(f"{type(self).__name__}.{name} is not covered by roscausal.tigramite")
 
 
+#: Keywords of some test, which a message about an unknown one may name.
 KEYWORDS = (
-    "seed", "mask_type", "significance", "sig_samples", "sig_blocklength", "confidence", "conf_lev", "conf_samples",
-    "conf_blocklength", "recycle_residuals", "verbosity", "knn", "shuffle_neighbors", "transform", "workers", "n_symbs",
+    *_SHARED, "mask_type", "recycle_residuals", "verbosity", "knn", "shuffle_neighbors", "transform", "workers", "n_symbs",
     "window_size", "correlation_type",
 )  # fmt: skip
 

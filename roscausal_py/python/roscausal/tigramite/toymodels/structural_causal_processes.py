@@ -16,6 +16,8 @@ Links = Mapping[int, Sequence[tuple[tuple[int, int], float, Callable[[Any], Any]
 __getattr__ = missing(
     __name__, "check_stationarity", "dag_to_links", "generate_structural_causal_process", "var_process"
 )
+#: Marks (N, N, tau_max + 1) of a toy model.
+links_to_graph = graph_of_links
 
 
 def structural_causal_process(
@@ -64,11 +66,6 @@ def structural_causal_process_ensemble(
     seeds = [None if ensemble_seed is None else ensemble_seed * realizations + number for number in range(realizations)]
     series, away = zip(*(structural_causal_process(**given, seed=seed) for seed in seeds))
     return np.stack(series), any(away)
-
-
-def links_to_graph(links: Mapping[int, Any], tau_max: int | None = None) -> NDArray[np.str_]:
-    """Marks (N, N, tau_max + 1) of a toy model."""
-    return graph_of_links(links, tau_max)
 
 
 def _get_true_parent_neighbor_dict(links: Links) -> dict[int, list[tuple[int, int]]]:
