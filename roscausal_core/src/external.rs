@@ -35,10 +35,9 @@ struct Answer {
 /// # Errors
 /// A name that leaves the folder, or no such program; the message lists those that exist.
 pub fn program(dir: &Path, name: &str) -> Result<PathBuf> {
-    if name.contains(['/', '\\']) || name.starts_with('.') {
-        let reason = format!("'{name}' is not the name of a program in {}", dir.display());
-        return Err(Error::param("cd_method", reason));
-    }
+    Error::ensure(!name.contains(['/', '\\']) && !name.starts_with('.'), "cd_method", || {
+        format!("'{name}' is not the name of a program in {}", dir.display())
+    })?;
     let path = dir.join(name);
     if path.is_file() {
         return Ok(path);

@@ -56,12 +56,18 @@ impl Error {
     }
 
     /// Refuses a setting for which something does not hold.
-    pub(crate) fn ensure<R: Display>(holds: bool, name: &str, reason: impl FnOnce() -> R) -> Result<()> {
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn ensure<R: Display>(holds: bool, name: &str, reason: impl FnOnce() -> R) -> Result<()> {
         if holds { Ok(()) } else { Err(Self::param(name, reason())) }
     }
 
     /// Refuses data for which something does not hold.
-    pub(crate) fn ensure_data<R: Display>(holds: bool, reason: impl FnOnce() -> R) -> Result<()> {
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn ensure_data<R: Display>(holds: bool, reason: impl FnOnce() -> R) -> Result<()> {
         if holds { Ok(()) } else { Err(Self::Data(reason().to_string())) }
     }
 
