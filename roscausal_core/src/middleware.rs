@@ -4,7 +4,11 @@
 //! `/rosout`) and TF (`/tf` and `/tf_static` are ordinary topics). [`crate::loopback`] implements it within one
 //! process; ROS 1 and ROS 2 implement it in crates of their own. Every implementation must pass [`crate::conformance`].
 
-use std::{collections::BTreeMap, sync::Arc, time::Duration};
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, LazyLock},
+    time::{Duration, Instant},
+};
 
 use roscausal_msgs::{Service, Wires, dynamic::Wire};
 
@@ -212,7 +216,10 @@ pub trait Middleware: Clone + Send + Sync + 'static {
 
     /// Time since a fixed moment in the past, on a clock that never stops, jumps or is simulated. For what costs
     /// real time, such as a budget. No recording and no result may depend on it.
-    fn steady(&self) -> Duration;
+    fn steady(&self) -> Duration {
+        static START: LazyLock<Instant> = LazyLock::new(Instant::now);
+        START.elapsed()
+    }
 
     /// False once the node has to end.
     fn is_ok(&self) -> bool;

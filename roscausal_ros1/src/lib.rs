@@ -28,7 +28,7 @@ use roscausal_core::{
     params::{ParamSpec, Value},
 };
 use roscausal_msgs::{Service, rosgraph_msgs::Clock};
-use roscausal_ros::{Console, in_time, lock, steady};
+use roscausal_ros::{Console, in_time, lock};
 
 pub use service::Server;
 pub use subscription::Subscription;
@@ -235,10 +235,6 @@ impl Middleware for Ros1 {
 
     fn now(&self) -> Time {
         self.session.clock.now()
-    }
-
-    fn steady(&self) -> Duration {
-        steady()
     }
 
     fn is_ok(&self) -> bool {

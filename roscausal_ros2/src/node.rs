@@ -16,7 +16,7 @@ use roscausal_core::{
     params::{ParamSpec, Params, TakeParams, Value},
 };
 use roscausal_msgs::Service;
-use roscausal_ros::{Clock, Life, steady};
+use roscausal_ros::{Clock, Life};
 use tracing::{debug, error};
 
 use crate::{
@@ -176,10 +176,6 @@ impl Middleware for Ros2 {
 
     fn now(&self) -> Time {
         self.inner.clock.now()
-    }
-
-    fn steady(&self) -> Duration {
-        steady()
     }
 
     fn is_ok(&self) -> bool {

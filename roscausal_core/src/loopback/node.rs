@@ -2,11 +2,11 @@
 
 use std::{
     sync::{
-        Arc, LazyLock, Mutex, Weak,
+        Arc, Mutex, Weak,
         atomic::{AtomicBool, Ordering},
     },
     thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use roscausal_msgs::Service;
@@ -140,11 +140,6 @@ impl Middleware for LoopbackNode {
 
     fn now(&self) -> Time {
         self.bus.now()
-    }
-
-    fn steady(&self) -> Duration {
-        static START: LazyLock<Instant> = LazyLock::new(Instant::now);
-        START.elapsed()
     }
 
     fn is_ok(&self) -> bool {
