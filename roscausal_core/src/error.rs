@@ -100,11 +100,7 @@ impl Error {
     ///
     /// # Errors
     /// It does not.
-    pub fn ensure<R: fmt::Display>(
-        holds: bool,
-        name: impl Into<String>,
-        reason: impl FnOnce() -> R,
-    ) -> Result<()> {
+    pub fn ensure<R: fmt::Display>(holds: bool, name: &str, reason: impl FnOnce() -> R) -> Result<()> {
         if holds { Ok(()) } else { Err(Self::param(name, reason())) }
     }
 

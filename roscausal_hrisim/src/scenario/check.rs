@@ -71,7 +71,7 @@ impl Scenario {
             if !ids.insert(id) {
                 return Err(Error::param(format!("{at}.id"), format!("{id} is another person's already")));
             }
-            Error::ensure(id >= 1000 || id as usize > self.pedestrians.count, format!("{at}.id"), || {
+            Error::ensure(id >= 1000 || id as usize > self.pedestrians.count, &format!("{at}.id"), || {
                 format!("{id} is a pedestrian's; use 1000 or more")
             })?;
             let p = &person.walk;
@@ -95,7 +95,7 @@ impl Scenario {
             numbers(&format!("{at}.walk"), &fields)?;
             let areas = person_areas(self, index);
             let reason = "one area only; give two or more, so that the goal changes";
-            Error::ensure(areas.len() != 1 || self.plan == Plan::Crowd, format!("{at}.areas"), || reason)?;
+            Error::ensure(areas.len() != 1 || self.plan == Plan::Crowd, &format!("{at}.areas"), || reason)?;
             let mut reach = person.start;
             if let Some(start) = person.start {
                 place(world, &format!("{at}.start"), start, None, 0.0)?;
@@ -122,7 +122,7 @@ impl Scenario {
                 let reason = format!("'{}' is not a namespace; use letters, digits and '_'", robot.name);
                 return Err(Error::param(format!("{at}.name"), reason));
             }
-            Error::ensure(names.insert(&robot.name), format!("{at}.name"), || {
+            Error::ensure(names.insert(&robot.name), &format!("{at}.name"), || {
                 format!("'{}' is another robot's already; names tell their topics apart", robot.name)
             })?;
             let d = &robot.drive;
