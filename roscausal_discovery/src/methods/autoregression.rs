@@ -1,5 +1,7 @@
 //! Vector autoregression: every variable regressed on the past of all variables. What Granger causality and VARLiNGAM share.
 
+use std::ops::RangeInclusive;
+
 use ndarray::Array3;
 
 use crate::{
@@ -61,11 +63,7 @@ impl Autoregression {
     ///
     /// # Errors
     /// Fewer samples than coefficients.
-    pub(super) fn new(
-        rows: CompleteRows,
-        lags: std::ops::RangeInclusive<usize>,
-        constant: bool,
-    ) -> Result<Self> {
+    pub(super) fn new(rows: CompleteRows, lags: RangeInclusive<usize>, constant: bool) -> Result<Self> {
         let n_vars = rows.n_vars;
         let causes: Vec<Node> =
             lags.flat_map(|lag| (0..n_vars).map(move |var| Node::new(var, lag))).collect();
