@@ -16,7 +16,7 @@ use std::{
 use roscausal_discovery::{Control, FoundBy, LinkMark, Matrices, Model, Settings};
 use serde::Deserialize;
 
-use crate::{Error, Result, grammar::Parsed, params::nearest};
+use crate::{Error, Result, grammar::Parsed, params::instead};
 
 /// The most that a program may print, in bytes.
 const MAX_OUTPUT: u64 = 64 << 20;
@@ -45,8 +45,7 @@ pub fn program(dir: &Path, name: &str) -> Result<PathBuf> {
     let entries = std::fs::read_dir(dir).map_err(|e| Error::file(dir, e))?;
     let mut known: Vec<String> = entries.flatten().filter_map(|e| e.file_name().into_string().ok()).collect();
     known.sort();
-    let hint = nearest(&known, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-    let reason = format!("there is no '{name}' in {}; {hint}there: {}", dir.display(), known.join(", "));
+    let reason = format!("there is no '{name}' in {}; {}", dir.display(), instead(&known, name, "there:"));
     Err(Error::param("cd_method", reason))
 }
 

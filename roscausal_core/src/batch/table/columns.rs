@@ -196,8 +196,7 @@ pub(super) fn one(header: &[String], name: &str) -> Result<usize, String> {
 }
 
 fn unknown(header: &[String], name: &str) -> String {
-    let hint = names::nearest(header, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-    format!("there is no column '{name}'; {hint}columns: {}", header.join(", "))
+    format!("there is no column '{name}'; {}", names::instead(header, name, "columns:"))
 }
 
 /// Whether a name fits a pattern in which `*` stands for any text and `?` for one character.
