@@ -71,13 +71,11 @@ impl Autoregression {
         let targets: Vec<&[f64]> = (0..n_vars).map(|var| rows.column(Node::new(var, 0))).collect();
         let needed = causes.len() + usize::from(constant) + 1;
         if rows.len() < needed {
+            let (n, coefficients, flag) = (rows.len(), needed - 1, Named("tau_max"));
+            let lost = if rows.n_lost > 0 { " (samples with a missing value are left out)" } else { "" };
             return Err(Error::Data(format!(
-                "{} complete samples are too few for {} coefficients of each variable: record at least {needed}, or lower \
-                 {}{}",
-                rows.len(),
-                needed - 1,
-                Named("tau_max"),
-                if rows.n_lost > 0 { " (samples with a missing value are left out)" } else { "" }
+                "{n} complete samples are too few for {coefficients} coefficients of each variable: record at least {needed}, or lower \
+                 {flag}{lost}"
             )));
         }
         let fit = LeastSquares::new(&columns, &targets, constant);

@@ -27,11 +27,9 @@ impl Pace {
     /// # Errors
     /// Fewer than 30 rows, or a robot that did not drive.
     pub fn fit(rows: &[(f64, f64)]) -> Result<Self> {
-        Error::ensure_data(rows.len() >= FEWEST, || {
-            format!(
-                "{} rows of a driving robot are too few to tell its pace; record {FEWEST} or more",
-                rows.len()
-            )
+        let n = rows.len();
+        Error::ensure_data(n >= FEWEST, || {
+            format!("{n} rows of a driving robot are too few to tell its pace; record {FEWEST} or more")
         })?;
         let sum = |of: fn(f64, f64) -> f64| rows.iter().map(|&(n, v)| of(n, v)).sum::<f64>();
         let (v, vn, vnn) = (sum(|_, v| v), sum(|n, v| n * v), sum(|n, v| n * n * v));
