@@ -148,10 +148,9 @@ impl Run {
     /// Simulates, records two batches and analyses them. The files of the nodes are in the folder in which the run works, where
     /// the caller keeps them; without a model they are kept here. What is published is also recorded in the file `record`.
     fn recorded_chain(&self, record: Option<&Path>, interrupt: &Interrupt) -> Result<(Folders, Model)> {
-        if !(20.0..=1e6).contains(&self.duration) {
-            let reason = format!("{} is not a number of seconds from 20 to 1000000", self.duration);
-            return Err(Error::param("duration", reason));
-        }
+        Error::ensure((20.0..=1e6).contains(&self.duration), "duration", || {
+            format!("{} is not a number of seconds from 20 to 1000000", self.duration)
+        })?;
         let mut scenario = Scenario::load(&self.scenario)?;
         scenario.duration = self.duration + WARM_UP_S;
         scenario.add_interventions(&self.interventions)?;

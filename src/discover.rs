@@ -146,9 +146,7 @@ impl Format {
 pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     interrupt.nothing_at_stake("there is no result yet, and nothing is written");
     let format = args.printed()?;
-    if args.take_it && !args.how.method.is_auto() {
-        return Err(Error::param("take-it", "it is for --method auto"));
-    }
+    Error::ensure(!args.take_it || args.how.method.is_auto(), "take-it", || "it is for --method auto")?;
     if args.how.method.is_auto() && !args.take_it {
         return explain(args, interrupt);
     }

@@ -83,14 +83,12 @@ pub fn graphml(model: &Model) -> String {
         let Link { cause, effect, lag, mark, .. } = link;
         let (cause, effect) = (escaped(&plain(cause)), escaped(&plain(effect)));
         let found = link.confidence.map_or(String::new(), |c| format!("<data key=\"confidence\">{c}</data>"));
+        let (value, p_value) = (number_of("value", link.value), number_of("p_value", link.p_value));
+        let (mark, tested) = (escaped(mark.symbol()), link.value.is_some());
         let _ = writeln!(
             out,
-            "    <edge id=\"e{number}\" source=\"{cause}\" target=\"{effect}\"><data key=\"lag\">{lag}</data>{}{}\
-             <data key=\"mark\">{}</data><data key=\"tested\">{}</data>{found}</edge>",
-            number_of("value", link.value),
-            number_of("p_value", link.p_value),
-            escaped(mark.symbol()),
-            link.value.is_some()
+            "    <edge id=\"e{number}\" source=\"{cause}\" target=\"{effect}\"><data key=\"lag\">{lag}</data>{value}{p_value}\
+             <data key=\"mark\">{mark}</data><data key=\"tested\">{tested}</data>{found}</edge>"
         );
     }
     out.push_str("  </graph>\n</graphml>\n");

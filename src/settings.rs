@@ -158,14 +158,11 @@ pub(crate) fn given(matches: &ArgMatches, groups: &[Group]) -> Given {
 macro_rules! of_groups {
     ($type:ty, $groups:expr) => {
         impl clap::FromArgMatches for $type {
-            fn from_arg_matches(matches: &clap::ArgMatches) -> std::result::Result<Self, clap::Error> {
+            fn from_arg_matches(matches: &clap::ArgMatches) -> clap::error::Result<Self> {
                 Ok(Self::of(crate::settings::given(matches, $groups)))
             }
 
-            fn update_from_arg_matches(
-                &mut self,
-                matches: &clap::ArgMatches,
-            ) -> std::result::Result<(), clap::Error> {
+            fn update_from_arg_matches(&mut self, matches: &clap::ArgMatches) -> clap::error::Result<()> {
                 *self = Self::from_arg_matches(matches)?;
                 Ok(())
             }

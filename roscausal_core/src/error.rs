@@ -96,6 +96,22 @@ impl Error {
         }
     }
 
+    /// Refuses a parameter for which something does not hold.
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn ensure<R: fmt::Display>(holds: bool, name: &str, reason: impl FnOnce() -> R) -> Result<()> {
+        if holds { Ok(()) } else { Err(Self::param(name, reason())) }
+    }
+
+    /// Refuses data for which something does not hold.
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn ensure_data<R: fmt::Display>(holds: bool, reason: impl FnOnce() -> R) -> Result<()> {
+        if holds { Ok(()) } else { Err(Self::Data(reason().to_string())) }
+    }
+
     /// An [`Error::Param`] from any displayable reason.
     pub fn param(name: impl Into<String>, reason: impl std::fmt::Display) -> Self {
         Self::Param { name: name.into(), reason: reason.to_string() }

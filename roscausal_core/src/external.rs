@@ -16,7 +16,7 @@ use std::{
 use roscausal_discovery::{Control, FoundBy, LinkMark, Matrices, Model, Settings};
 use serde::Deserialize;
 
-use crate::{Error, Result, grammar::Parsed, params::nearest};
+use crate::{Error, Result, grammar::Parsed, params::instead};
 
 /// The most that a program may print, in bytes.
 const MAX_OUTPUT: u64 = 64 << 20;
@@ -35,10 +35,9 @@ struct Answer {
 /// # Errors
 /// A name that leaves the folder, or no such program; the message lists those that exist.
 pub fn program(dir: &Path, name: &str) -> Result<PathBuf> {
-    if name.contains(['/', '\\']) || name.starts_with('.') {
-        let reason = format!("'{name}' is not the name of a program in {}", dir.display());
-        return Err(Error::param("cd_method", reason));
-    }
+    Error::ensure(!name.contains(['/', '\\']) && !name.starts_with('.'), "cd_method", || {
+        format!("'{name}' is not the name of a program in {}", dir.display())
+    })?;
     let path = dir.join(name);
     if path.is_file() {
         return Ok(path);
@@ -46,8 +45,7 @@ pub fn program(dir: &Path, name: &str) -> Result<PathBuf> {
     let entries = std::fs::read_dir(dir).map_err(|e| Error::file(dir, e))?;
     let mut known: Vec<String> = entries.flatten().filter_map(|e| e.file_name().into_string().ok()).collect();
     known.sort();
-    let hint = nearest(&known, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-    let reason = format!("there is no '{name}' in {}; {hint}there: {}", dir.display(), known.join(", "));
+    let reason = format!("there is no '{name}' in {}; {}", dir.display(), instead(&known, name, "there:"));
     Err(Error::param("cd_method", reason))
 }
 

@@ -4,7 +4,11 @@
 //! `/rosout`) and TF (`/tf` and `/tf_static` are ordinary topics). [`crate::loopback`] implements it within one
 //! process; ROS 1 and ROS 2 implement it in crates of their own. Every implementation must pass [`crate::conformance`].
 
-use std::{collections::BTreeMap, sync::Arc, time::Duration};
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, LazyLock},
+    time::{Duration, Instant},
+};
 
 use roscausal_msgs::{Service, Wires, dynamic::Wire};
 
@@ -104,6 +108,16 @@ impl<R> std::fmt::Debug for Reply<R> {
     }
 }
 
+/// What is called with each message of a topic, on a thread of the middleware.
+pub trait On<M>: FnMut(M) + Send + 'static {}
+
+impl<M, F: FnMut(M) + Send + 'static> On<M> for F {}
+
+/// What is called with each question to a service, on a thread of the middleware.
+pub trait Answers<S: Service>: FnMut(S::Request, Reply<S::Response>) + Send + 'static {}
+
+impl<S: Service, F: FnMut(S::Request, Reply<S::Response>) + Send + 'static> Answers<S> for F {}
+
 /// The middleware's view of an inbox.
 pub trait Consumer: Send + Sync {
     /// Makes a waiting node check the clock and the shutdown flag again.
@@ -149,7 +163,7 @@ pub trait Middleware: Clone + Send + Sync + 'static {
         &self,
         topic: &str,
         qos: Qos,
-        callback: impl FnMut(M) + Send + 'static,
+        callback: impl On<M>,
     ) -> Result<Self::Subscription>;
 
     /// Registers a callback for each message of a topic of any type, as bytes with their definition. The type is that of
@@ -157,7 +171,7 @@ pub trait Middleware: Clone + Send + Sync + 'static {
     ///
     /// # Errors
     /// As [`Middleware::advertise`], and a middleware that cannot: the default.
-    fn listen(&self, topic: &str, _callback: impl FnMut(Raw) + Send + 'static) -> Result<Self::Subscription> {
+    fn listen(&self, topic: &str, _callback: impl On<Raw>) -> Result<Self::Subscription> {
         let reason = "this middleware does not carry messages of any type: record the topic ('rosbag record', 'ros2 bag \
                       record') and read the recording with --signal";
         Err(Error::Topic { topic: topic.to_owned(), reason: reason.to_owned() })
@@ -169,11 +183,7 @@ pub trait Middleware: Clone + Send + Sync + 'static {
     /// # Errors
     /// An illegal name, a service that another node or this one offers already (where the middleware can tell), or a
     /// middleware that is gone.
-    fn serve<S: Service>(
-        &self,
-        name: &str,
-        callback: impl FnMut(S::Request, Reply<S::Response>) + Send + 'static,
-    ) -> Result<Self::Server>;
+    fn serve<S: Service>(&self, name: &str, callback: impl Answers<S>) -> Result<Self::Server>;
 
     /// Asks a service and waits for its answer; never longer than `patience`, which includes the wait for the service
     /// to appear. Not for callbacks and not for nodes of a lockstep bus, which the answer would wait for.
@@ -212,7 +222,10 @@ pub trait Middleware: Clone + Send + Sync + 'static {
 
     /// Time since a fixed moment in the past, on a clock that never stops, jumps or is simulated. For what costs
     /// real time, such as a budget. No recording and no result may depend on it.
-    fn steady(&self) -> Duration;
+    fn steady(&self) -> Duration {
+        static START: LazyLock<Instant> = LazyLock::new(Instant::now);
+        START.elapsed()
+    }
 
     /// False once the node has to end.
     fn is_ok(&self) -> bool;

@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::{Error, Result};
 
 /// The known name that a user may have meant.
-pub use roscausal_discovery::names::nearest;
+pub use roscausal_discovery::names::{instead, nearest};
 
 /// A parameter value, as in the ROS 1 parameter server and in ROS 2 parameters.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -144,10 +144,8 @@ impl ParamSpec {
                 Err(Error::param(self.name, reason))
             }
             Allowed::OneOf(words) if !words.contains(&value.to_string().as_str()) => {
-                let hint = nearest(words, &value.to_string());
-                let hint = hint.map_or(String::new(), |near| format!("did you mean '{near}'? "));
-                let reason = format!("'{value}' is unknown; {hint}allowed: {}", words.join(", "));
-                Err(Error::param(self.name, reason))
+                let allowed = instead(words, &value.to_string(), "allowed:");
+                Err(Error::param(self.name, format!("'{value}' is unknown; {allowed}")))
             }
             _ => Ok(value),
         }

@@ -33,9 +33,8 @@ impl Guard {
     /// The guard for an address. For an empty token on an address other than this machine's, a random one is drawn.
     pub(crate) fn new(address: IpAddr, token: &str) -> Result<Self> {
         let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.' | '~');
-        if !token.chars().all(legal) {
-            return Err(Error::param("token", "use letters, digits, '-', '_', '.' and '~' only"));
-        }
+        let reason = "use letters, digits, '-', '_', '.' and '~' only";
+        Error::ensure(token.chars().all(legal), "token", || reason)?;
         match token {
             "" if address.is_loopback() => Ok(Self::ThisMachine),
             "" => random().map(Self::Token),

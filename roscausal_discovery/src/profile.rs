@@ -275,10 +275,9 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (VariableProfile, Vec<St
     let share = effective_share(&first_rows);
     profile.effective_samples *= share;
     if rows - missing >= FEW && (profile.effective_samples < 30.0 || share < 0.02) {
+        let (samples, worth) = (rows - missing, profile.effective_samples.max(1.0));
         remarks.push(format!(
-            "{name} changes slowly: its {} samples are worth about {:.0} independent ones; record longer or take a longer step",
-            rows - missing,
-            profile.effective_samples.max(1.0)
+            "{name} changes slowly: its {samples} samples are worth about {worth:.0} independent ones; record longer or take a longer step"
         ));
     }
     profile.kpss = longest.and_then(|recording| kpss(&recording.column(var)));

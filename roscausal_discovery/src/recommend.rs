@@ -81,10 +81,9 @@ fn method_for(data: &DataFrame, settings: &Settings) -> (Method, Vec<String>) {
     let each: Vec<usize> = (0..data.recordings().len()).collect();
     let differing: Vec<usize> = (0..data.n_vars()).filter(|&var| levels_differ(data, var, &each)).collect();
     if !differing.is_empty() && settings.jpcmciplus(data).is_ok() {
+        let (n, names) = (data.recordings().len(), data.listed(differing));
         let reason = format!(
-            "the {} recordings differ in the level of {}, which would look like links if they were pooled as they are (jpcmciplus)",
-            data.recordings().len(),
-            data.listed(differing)
+            "the {n} recordings differ in the level of {names}, which would look like links if they were pooled as they are (jpcmciplus)"
         );
         let care = "jpcmciplus assumes that all common causes were recorded, but those that are constant in a recording";
         return (Method::Jpcmciplus, vec![reason, care.to_owned()]);

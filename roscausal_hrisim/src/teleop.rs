@@ -182,9 +182,8 @@ impl Drop for Screen {
 /// # Errors
 /// No terminal, or a topic that the middleware refuses.
 pub fn teleop<M: Middleware>(mw: &M) -> Result<()> {
-    if !std::io::stdin().is_terminal() || !std::io::stdout().is_terminal() {
-        return Err(Error::Data("driving needs a terminal: start it in one, without pipes".into()));
-    }
+    let reason = "driving needs a terminal: start it in one, without pipes";
+    Error::ensure_data(std::io::stdin().is_terminal() && std::io::stdout().is_terminal(), || reason)?;
     let qos = Qos::Volatile(10);
     let drive = mw.advertise::<Twist>("/ped/control/cmd_vel", qos)?;
     let scale = mw.advertise::<Float64>("twist_mux/scaling_factor", qos)?;

@@ -31,14 +31,14 @@ pub struct World {
 impl World {
     /// The built-in map with that name; see [`MAPS`].
     pub fn named(name: &str) -> Option<Self> {
-        let walls: &[Segment] = match name {
-            "hall" => &HALL,
-            "corridor" => &CORRIDOR,
-            "corridor_turn" => &CORRIDOR_TURN,
-            "corridor_doors" => &CORRIDOR_DOORS,
+        let walls = match name {
+            "hall" => outline(&HALL),
+            "corridor" => outline(&CORRIDOR),
+            "corridor_turn" => outline(&CORRIDOR_TURN),
+            "corridor_doors" => [outline(&CORRIDOR_DOORS), ROOMS.to_vec()].concat(),
             _ => return None,
         };
-        Some(Self::new(walls.to_vec()))
+        Some(Self::new(walls))
     }
 
     /// A map with these walls.
@@ -216,37 +216,24 @@ impl World {
     }
 }
 
-const HALL: [Segment; 4] = [
-    Segment::new(-10.0, -10.0, 10.0, -10.0),
-    Segment::new(10.0, -10.0, 10.0, 10.0),
-    Segment::new(10.0, 10.0, -10.0, 10.0),
-    Segment::new(-10.0, 10.0, -10.0, -10.0),
-];
+/// The walls from each of these corners to the next one, and from the last to the first.
+fn outline(corners: &[(f64, f64)]) -> Vec<Segment> {
+    let next = corners.iter().cycle().skip(1);
+    corners.iter().zip(next).map(|(a, b)| Segment::new(a.0, a.1, b.0, b.1)).collect()
+}
+
+const HALL: [(f64, f64); 4] = [(-10.0, -10.0), (10.0, -10.0), (10.0, 10.0), (-10.0, 10.0)];
 
 /// 20 m x 4 m.
-const CORRIDOR: [Segment; 4] = [
-    Segment::new(-10.0, -2.0, 10.0, -2.0),
-    Segment::new(10.0, -2.0, 10.0, 2.0),
-    Segment::new(10.0, 2.0, -10.0, 2.0),
-    Segment::new(-10.0, 2.0, -10.0, -2.0),
-];
+const CORRIDOR: [(f64, f64); 4] = [(-10.0, -2.0), (10.0, -2.0), (10.0, 2.0), (-10.0, 2.0)];
 
 /// 4 m wide, along the lower and the right side of a square.
-const CORRIDOR_TURN: [Segment; 6] = [
-    Segment::new(-10.0, -10.0, 10.0, -10.0),
-    Segment::new(10.0, -10.0, 10.0, 10.0),
-    Segment::new(10.0, 10.0, 6.0, 10.0),
-    Segment::new(6.0, 10.0, 6.0, -6.0),
-    Segment::new(6.0, -6.0, -10.0, -6.0),
-    Segment::new(-10.0, -6.0, -10.0, -10.0),
-];
+const CORRIDOR_TURN: [(f64, f64); 6] =
+    [(-10.0, -10.0), (10.0, -10.0), (10.0, 10.0), (6.0, 10.0), (6.0, -6.0), (-10.0, -6.0)];
 
-/// A 4 m wide corridor with two rooms on each side, each behind a door of 1.6 m.
-const CORRIDOR_DOORS: [Segment; 12] = [
-    Segment::new(-10.0, -8.0, 10.0, -8.0),
-    Segment::new(10.0, -8.0, 10.0, 8.0),
-    Segment::new(10.0, 8.0, -10.0, 8.0),
-    Segment::new(-10.0, 8.0, -10.0, -8.0),
+/// A 4 m wide corridor with two rooms on each side, each behind a door of 1.6 m: the walls around it, and those inside.
+const CORRIDOR_DOORS: [(f64, f64); 4] = [(-10.0, -8.0), (10.0, -8.0), (10.0, 8.0), (-10.0, 8.0)];
+const ROOMS: [Segment; 8] = [
     Segment::new(-10.0, 2.0, -5.8, 2.0),
     Segment::new(-4.2, 2.0, 4.2, 2.0),
     Segment::new(5.8, 2.0, 10.0, 2.0),

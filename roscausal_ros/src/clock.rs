@@ -2,7 +2,7 @@
 
 use std::{
     sync::{
-        LazyLock, Mutex,
+        Mutex,
         atomic::{AtomicBool, AtomicI64, Ordering},
     },
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
@@ -33,12 +33,6 @@ impl Default for Heard {
     fn default() -> Self {
         Self { last: Instant::now(), silent: false }
     }
-}
-
-/// Time since the first call, on a clock that neither stops nor jumps.
-pub fn steady() -> Duration {
-    static START: LazyLock<Instant> = LazyLock::new(Instant::now);
-    START.elapsed()
 }
 
 impl Clock {

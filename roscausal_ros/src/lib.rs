@@ -7,7 +7,7 @@ mod life;
 mod memory;
 pub mod program;
 
-pub use clock::{Clock, steady};
+pub use clock::Clock;
 pub use console::Console;
 pub use life::{Life, in_time};
 #[doc(hidden)]

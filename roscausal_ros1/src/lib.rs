@@ -24,11 +24,11 @@ use std::{
 use roscausal_core::{
     Error, Message, Result, Time,
     inbox::Consumer,
-    middleware::{Middleware, Publish, Qos, Raw, Reply, is_graph_name},
+    middleware::{Answers, Middleware, On, Publish, Qos, Raw, is_graph_name},
     params::{ParamSpec, Value},
 };
 use roscausal_msgs::{Service, rosgraph_msgs::Clock};
-use roscausal_ros::{Console, in_time, lock, steady};
+use roscausal_ros::{Console, in_time, lock};
 
 pub use service::Server;
 pub use subscription::Subscription;
@@ -188,29 +188,20 @@ impl Middleware for Ros1 {
         }
     }
 
-    fn subscribe<M: Message>(
-        &self,
-        topic: &str,
-        qos: Qos,
-        callback: impl FnMut(M) + Send + 'static,
-    ) -> Result<Subscription> {
+    fn subscribe<M: Message>(&self, topic: &str, qos: Qos, callback: impl On<M>) -> Result<Subscription> {
         let queue = if let Qos::Volatile(depth) = qos { depth.max(1) } else { LATCHED_QUEUE };
         let feed = Feed::new::<M>(self.topic(topic)?);
         let handler = Handler::new(feed.clone(), callback);
         self.take_part::<Wire<M>, _>(topic, queue, feed, M::type_name(), handler)
     }
 
-    fn listen(&self, topic: &str, callback: impl FnMut(Raw) + Send + 'static) -> Result<Subscription> {
+    fn listen(&self, topic: &str, callback: impl On<Raw>) -> Result<Subscription> {
         let feed = Feed::of_any_type(self.topic(topic)?);
         let handler = Listener::new(feed.clone(), callback);
         self.take_part::<AnyWire, _>(topic, LISTEN_QUEUE, feed, ANY.to_owned(), handler)
     }
 
-    fn serve<S: Service>(
-        &self,
-        name: &str,
-        callback: impl FnMut(S::Request, Reply<S::Response>) + Send + 'static,
-    ) -> Result<Server> {
+    fn serve<S: Service>(&self, name: &str, callback: impl Answers<S>) -> Result<Server> {
         service::serve::<S>(&self.session, self.service_name(name)?, callback)
     }
 
@@ -235,10 +226,6 @@ impl Middleware for Ros1 {
 
     fn now(&self) -> Time {
         self.session.clock.now()
-    }
-
-    fn steady(&self) -> Duration {
-        steady()
     }
 
     fn is_ok(&self) -> bool {

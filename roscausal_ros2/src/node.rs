@@ -12,11 +12,11 @@ use std::{
 use roscausal_core::{
     Message, Result, Time,
     inbox::Consumer,
-    middleware::{Middleware, Qos, Raw, Reply},
+    middleware::{Answers, Middleware, On, Qos, Raw},
     params::{ParamSpec, Params, TakeParams, Value},
 };
 use roscausal_msgs::Service;
-use roscausal_ros::{Clock, Life, steady};
+use roscausal_ros::{Clock, Life};
 use tracing::{debug, error};
 
 use crate::{
@@ -127,24 +127,15 @@ impl Middleware for Ros2 {
         self.inner.participant.advertise(topic, qos)
     }
 
-    fn subscribe<M: Message>(
-        &self,
-        topic: &str,
-        qos: Qos,
-        callback: impl FnMut(M) + Send + 'static,
-    ) -> Result<Self::Subscription> {
+    fn subscribe<M: Message>(&self, topic: &str, qos: Qos, callback: impl On<M>) -> Result<Subscription> {
         self.inner.participant.subscribe(topic, qos, callback)
     }
 
-    fn listen(&self, topic: &str, callback: impl FnMut(Raw) + Send + 'static) -> Result<Subscription> {
+    fn listen(&self, topic: &str, callback: impl On<Raw>) -> Result<Subscription> {
         self.inner.participant.listen(topic, callback)
     }
 
-    fn serve<S: Service>(
-        &self,
-        name: &str,
-        callback: impl FnMut(S::Request, Reply<S::Response>) + Send + 'static,
-    ) -> Result<Server> {
+    fn serve<S: Service>(&self, name: &str, callback: impl Answers<S>) -> Result<Server> {
         self.inner.participant.serve::<S>(name, callback)
     }
 
@@ -176,10 +167,6 @@ impl Middleware for Ros2 {
 
     fn now(&self) -> Time {
         self.inner.clock.now()
-    }
-
-    fn steady(&self) -> Duration {
-        steady()
     }
 
     fn is_ok(&self) -> bool {

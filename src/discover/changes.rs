@@ -5,7 +5,7 @@ use clap::Args as ClapArgs;
 use ndarray::{Array2, ArrayViewMut1};
 use roscausal_core::{Error, Result, batch::table::Unit};
 use roscausal_discovery::{
-    names::{nearest, plain, position},
+    names::{instead, plain, position},
     unit_factor, without_season,
 };
 
@@ -126,8 +126,7 @@ fn chosen(flag: &str, wanted: &[String], names: &[String]) -> Result<Vec<usize>>
 /// There is none.
 pub(super) fn column(flag: &str, name: &str, names: &[String]) -> Result<usize> {
     position(names, name).ok_or_else(|| {
-        let hint = nearest(names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-        Error::param(flag, format!("there is no column '{name}'; {hint}columns: {}", names.join(", ")))
+        Error::param(flag, format!("there is no column '{name}'; {}", instead(names, name, "columns:")))
     })
 }
 

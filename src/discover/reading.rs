@@ -114,12 +114,10 @@ impl ReadArgs {
         if let (Some(_), None, false) = (self.resample, dt, self.join) {
             return Err(Error::param("resample", format!("{} says to which step", Named("dt"))));
         }
-        if dt.is_some_and(|dt| !(dt > 0.0 && dt.is_finite())) {
-            return Err(Error::param("dt", "give a number of seconds above 0"));
-        }
-        if self.max_gap.is_some_and(|gap| gap.is_nan() || gap <= 0.0) {
-            return Err(Error::param("max-gap", "give a number of seconds above 0"));
-        }
+        let reason = "give a number of seconds above 0";
+        Error::ensure(dt.is_none_or(|dt| dt > 0.0 && dt.is_finite()), "dt", || reason)?;
+        let reason = "give a number of seconds above 0";
+        Error::ensure(self.max_gap.is_none_or(|gap| gap > 0.0), "max-gap", || reason)?;
         // Of a recording, the node has made the variables.
         let is_table = |file: &Input| !file.is_recorded();
         let derived = match files.iter().any(is_table) {
@@ -147,10 +145,8 @@ impl ReadArgs {
             return Err(Error::param(flag, "it is for tables"));
         }
         if self.join {
-            if files.iter().any(Input::is_recorded) {
-                let reason = "it is for tables; a recording has all its topics side by side";
-                return Err(Error::param("join", reason));
-            }
+            let reason = "it is for tables; a recording has all its topics side by side";
+            Error::ensure(!files.iter().any(Input::is_recorded), "join", || reason)?;
             return self.joined(files, dt, &reading, &derived, besides);
         }
         let mut tables: Vec<(Input, Table)> = Vec::new();
@@ -467,9 +463,7 @@ impl Data {
     fn map_recordings(&mut self, change: impl Fn(&Array2<f64>) -> Array2<f64>) -> Result<()> {
         let changed: Vec<Array2<f64>> =
             self.data.recordings().iter().map(change).filter(|r| r.nrows() > 0).collect();
-        if changed.is_empty() {
-            return Err(Error::param("rows", "there are no such rows"));
-        }
+        Error::ensure(!changed.is_empty(), "rows", || "there are no such rows")?;
         self.data = self.data.with_recordings(changed)?;
         Ok(())
     }

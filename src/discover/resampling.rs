@@ -46,10 +46,8 @@ impl ResampleArgs {
         }
         let resampling = self.0.request()?.resampling()?;
         let is_bootstrap = resampling.as_ref().is_some_and(|asked| asked.scheme == Scheme::Bootstrap);
-        if self.0.text("share").is_some() && is_bootstrap {
-            let reason = "a bootstrap draws as many rows as there are; a share is for subsamples";
-            return Err(Error::param("share", reason));
-        }
+        let reason = "a bootstrap draws as many rows as there are; a share is for subsamples";
+        Error::ensure(self.0.text("share").is_none() || !is_bootstrap, "share", || reason)?;
         Ok(resampling)
     }
 }

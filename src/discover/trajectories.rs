@@ -65,10 +65,8 @@ impl TrajectoryArgs {
     /// # Errors
     /// A file that is not a table of trajectories, or a flag that does not go with it.
     pub(super) fn read(&self, args: &Args) -> Result<Data> {
-        if args.several_people == "joint" {
-            let reason = "trajectories are pooled: each agent is a recording of one system";
-            return Err(Error::param("several-people", reason));
-        }
+        let reason = "trajectories are pooled: each agent is a recording of one system";
+        Error::ensure(args.several_people != "joint", "several-people", || reason)?;
         if let Some(flag) = args.how.read.of_lines() {
             let columns = Named("trajectory_columns");
             let reason = format!("of trajectories, {columns} says which column is what");
@@ -113,10 +111,9 @@ impl TrajectoryArgs {
         let mut given = Vec::new();
         for text in args.how.inputs.params.iter().cloned().chain(args.how.read.as_parameter()) {
             let (node, name, value) = parameter(&text)?;
-            if node != "data" {
-                let reason = format!("trajectories know the parameters of the node data, not of {node}");
-                return Err(Error::param("param", reason));
-            }
+            Error::ensure(node == "data", "param", || {
+                format!("trajectories know the parameters of the node data, not of {node}")
+            })?;
             given.push((name, Value::Str(value)));
         }
         Ok(given)

@@ -268,19 +268,16 @@ fn text(days: &[Driven]) -> String {
         for (policy, name) in POLICIES.iter().enumerate() {
             let (of, mean) = (of(policy), of(MEAN));
             let sum = |get: fn(&Driven) -> f64| of.iter().map(|day| get(day)).sum::<f64>();
-            let done = interval(of.iter().map(|day| share(day)));
+            let (done, half) = interval(of.iter().map(|day| share(day)));
             // The same house and day for both.
-            let better = interval(of.iter().zip(&mean).map(|(day, mean)| share(day) - share(mean)));
+            let both = of.iter().zip(&mean).map(|(day, mean)| share(day) - share(mean));
+            let (better, half_better) = interval(both);
+            let wasted = 100.0 * sum(|day| day.porter.wasted) / sum(|day| day.porter.driven).max(1.0);
+            let (close, empty) =
+                (sum(|day| day.close) / of.len().max(1) as f64, sum(|day| day.porter.empty as f64));
             let _ = writeln!(
                 text,
-                "  {name:24} {:5.1} % +- {:4.1}  {:+5.1} +- {:4.1}  {:5.1} % {:4.0} s {:5.0}",
-                done.0,
-                done.1,
-                better.0,
-                better.1,
-                100.0 * sum(|day| day.porter.wasted) / sum(|day| day.porter.driven).max(1.0),
-                sum(|day| day.close) / of.len().max(1) as f64,
-                sum(|day| day.porter.empty as f64),
+                "  {name:24} {done:5.1} % +- {half:4.1}  {better:+5.1} +- {half_better:4.1}  {wasted:5.1} % {close:4.0} s {empty:5.0}"
             );
         }
     }

@@ -177,10 +177,9 @@ impl Sweep {
     }
 
     fn analysis(&self) -> Result<Settings> {
-        if !(0.0..=10.0).contains(&self.risk_noise) {
-            let reason = format!("{} is not a number from 0 to 10", self.risk_noise);
-            return Err(Error::param("risk-noise", reason));
-        }
+        Error::ensure((0.0..=10.0).contains(&self.risk_noise), "risk-noise", || {
+            format!("{} is not a number from 0 to 10", self.risk_noise)
+        })?;
         let settings = Settings {
             alpha: self.alpha,
             pc_alpha: self.pc_alpha.map_or(PcAlpha::Default, PcAlpha::Fixed),

@@ -115,10 +115,9 @@ pub(crate) fn batches(recording: &Recording, length: f64) -> Result<Vec<Recordin
     let count = (length / BATCH_S).ceil().max(1.0);
     let rows = (length / count / step).round() as usize;
     let count = count as usize;
-    if recording.n_rows() < rows * count {
-        let reason = format!("{} rows were recorded for {length} s at {step} s", recording.n_rows());
-        return Err(Error::Data(reason));
-    }
+    Error::ensure_data(recording.n_rows() >= rows * count, || {
+        format!("{} rows were recorded for {length} s at {step} s", recording.n_rows())
+    })?;
     Ok(cut(recording, rows, count))
 }
 

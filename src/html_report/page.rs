@@ -120,16 +120,12 @@ fn links(model: &Model) -> String {
     }
     let mut rows = String::new();
     for (place, link) in model.links.iter().enumerate() {
+        let (cause, effect, lag) = (escaped(&plain(&link.cause)), escaped(&plain(&link.effect)), link.lag);
+        let (strength, p) = (link.strength_in_words(3), escaped(&report::p_cell(model, link.p_value)));
+        let (anchor, words) = (anchor(place), escaped(&report::sentence(model, link)));
         let _ = writeln!(
             rows,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td><a href=\"#{}\">{}</a></td></tr>",
-            escaped(&plain(&link.cause)),
-            escaped(&plain(&link.effect)),
-            link.lag,
-            link.strength_in_words(3),
-            escaped(&report::p_cell(model, link.p_value)),
-            anchor(place),
-            escaped(&report::sentence(model, link))
+            "<tr><td>{cause}</td><td>{effect}</td><td>{lag}</td><td>{strength}</td><td>{p}</td><td><a href=\"#{anchor}\">{words}</a></td></tr>"
         );
     }
     let columns = ["cause", "effect", "lag", "strength", "p", "in words"];
@@ -151,17 +147,12 @@ fn data(material: &Material) -> String {
             }
             _ => "",
         };
+        let (present, missing) = (facts.present, facts.missing);
+        let numbers = [facts.min, facts.max, facts.mean, facts.sd, facts.autocorrelation].map(number);
+        let (name, numbers) = (escaped(&plain(&facts.name)), numbers.join("</td><td>"));
         let _ = writeln!(
             rows,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{remark}</td></tr>",
-            escaped(&plain(&facts.name)),
-            facts.present,
-            facts.missing,
-            number(facts.min),
-            number(facts.max),
-            number(facts.mean),
-            number(facts.sd),
-            number(facts.autocorrelation)
+            "<tr><td>{name}</td><td>{present}</td><td>{missing}</td><td>{numbers}</td><td>{remark}</td></tr>"
         );
     }
     let columns =

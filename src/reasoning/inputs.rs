@@ -108,10 +108,8 @@ impl SourceArgs {
             let facts = self.with_units(model.facts.clone(), model.graph().names())?;
             return Ok(Ready { model: model.with_facts(facts), times });
         }
-        if self.data.is_empty() {
-            let reason = "a graph alone answers nothing; give the CSV files that it was found in";
-            return Err(Error::param("data", reason));
-        }
+        let reason = "a graph alone answers nothing; give the CSV files that it was found in";
+        Error::ensure(!self.data.is_empty(), "data", || reason)?;
         let acts_on = self.acts_on()?;
         let context: Vec<String> = acts_on.iter().map(|(column, _)| column.clone()).collect();
         let (graph, mut facts) = graph_of_json(&text, &context).map_err(of_file)?;

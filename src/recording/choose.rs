@@ -4,7 +4,7 @@ use std::path::Path;
 
 use roscausal_core::{
     Error, Result,
-    params::nearest,
+    params::{instead, nearest},
     people::{self, Tracker},
 };
 use roscausal_discovery::Named;
@@ -119,8 +119,7 @@ impl Chooser<'_> {
             return Ok(found);
         }
         let names: Vec<&str> = topics.iter().map(|topic| topic.name.as_str()).collect();
-        let hint = nearest(&names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-        let reason = format!("there is no topic {name}; {hint}topics in it: {}", names.join(", "));
+        let reason = format!("there is no topic {name}; {}", instead(&names, name, "topics in it:"));
         Err(Error::file(self.path, reason))
     }
 

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::Path, sync::Arc};
 use clap::Args as ClapArgs;
 use roscausal_core::{
     Error, Result, Time, nodes,
-    params::{Value, nearest},
+    params::{Value, instead},
     people::{Reader, Tracker},
     signal::{Definitions, Signal, Signals},
 };
@@ -643,9 +643,8 @@ pub(crate) fn parse(text: &str) -> Result<(String, String, String)> {
     let specs = nodes::parameters(node)?;
     let names: Vec<&str> = specs.iter().map(|spec| spec.name).collect();
     let Some(spec) = specs.iter().find(|spec| spec.name == name) else {
-        let hint = nearest(&names, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-        let names = names.join(", ");
-        return Err(fault(format!("node {node} has no parameter '{name}'; {hint}it has: {names}")));
+        let names = instead(&names, name, "it has:");
+        return Err(fault(format!("node {node} has no parameter '{name}'; {names}")));
     };
     if let Some(flag) = flags::of_setting(node, name) {
         return Err(fault(format!("{node}.{name} is not a parameter of a recording; --{flag} sets it")));

@@ -7,7 +7,7 @@ use roscausal_core::{
     Error, Result,
     batch::Select,
     middleware::Raw,
-    params::nearest,
+    params::instead,
     people::{Reader, Tracker},
     signal::Definitions,
     state::identity::{Names, Who},
@@ -155,10 +155,7 @@ pub(super) fn check(chooser: &Chooser<'_>, names: &[String], source: &Source<'_>
     let all: Vec<&str> = there.iter().map(String::as_str).take(MOST_TOLD).collect();
     let reported = match all.is_empty() {
         true => "nobody in it has a name; choose by number, nearest:N or all".to_owned(),
-        false => {
-            let hint = nearest(&all, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-            format!("{hint}people in it: {}", all.join(", "))
-        }
+        false => instead(&all, name, "people in it:"),
     };
     Err(Error::param("person", format!("there is nobody called '{name}'; {reported}")))
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use roscausal_core::{Error, Result, params::nearest};
+use roscausal_core::{Error, Result, params::instead};
 use roscausal_recording::Topic;
 
 /// The type of odometry.
@@ -149,10 +149,7 @@ pub(super) fn named(name: &str, robots: &[Robot<'_>], framed: &[String]) -> Resu
     let all: Vec<&str> = all.map(String::as_str).collect();
     let reason = match all.is_empty() {
         true => format!("no robot in it has a namespace, so there is none called '{name}'; leave it out"),
-        false => {
-            let hint = nearest(&all, plain).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-            format!("there is no robot '{name}'; {hint}robots in it: {}", all.join(", "))
-        }
+        false => format!("there is no robot '{name}'; {}", instead(&all, plain, "robots in it:")),
     };
     Err(Error::param("robot", reason))
 }

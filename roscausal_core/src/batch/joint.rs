@@ -108,9 +108,7 @@ impl Joint {
         let read = |path: &Path| Ok((Table::read_as(path, &reading)?, Facts::read(path)));
         let tables: Vec<(Table, Facts)> =
             paths.iter().map(|path| read(path.as_ref())).collect::<Result<_>>()?;
-        if tables.is_empty() {
-            return Err(Error::Data("there is no batch to analyse".into()));
-        }
+        Error::ensure_data(!tables.is_empty(), || "there is no batch to analyse")?;
         let dt = common_step(paths.iter().map(AsRef::as_ref).zip(tables.iter().map(|(table, _)| table)))?;
         let mut notes_on_context = Vec::new();
         let reported: BTreeSet<&String> = tables
@@ -193,14 +191,10 @@ impl Joint {
         }
         if people != People::Each {
             let all: Vec<_> = of.into_values().flatten().filter(|(_, one)| complete_rows(one) > 0).collect();
-            if all.is_empty() {
-                return Err(Error::Data("no person has a row without a missing value".into()));
-            }
+            Error::ensure_data(!all.is_empty(), || "no person has a row without a missing value")?;
             parts.push(self.part(None, &all)?);
         }
-        if parts.is_empty() {
-            return Err(Error::Data(self.warnings.last().cloned().unwrap_or_default()));
-        }
+        Error::ensure_data(!parts.is_empty(), || self.warnings.last().cloned().unwrap_or_default())?;
         Ok(parts)
     }
 

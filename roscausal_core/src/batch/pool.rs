@@ -71,10 +71,9 @@ impl Pool {
     /// A folder that cannot be created, or a prefix that is not allowed in a file name.
     pub fn open(dir: impl Into<PathBuf>, prefix: &str) -> Result<Self> {
         let dir = dir.into();
-        if prefix.contains(['/', '\\']) || prefix.starts_with('.') {
-            let reason = format!("'{prefix}' cannot begin a file name; leave out '/' and a leading '.'");
-            return Err(Error::param("csv_prefix", reason));
-        }
+        Error::ensure(!prefix.contains(['/', '\\']) && !prefix.starts_with('.'), "csv_prefix", || {
+            format!("'{prefix}' cannot begin a file name; leave out '/' and a leading '.'")
+        })?;
         fs::create_dir_all(&dir).map_err(|e| Error::file(&dir, e))?;
         Ok(Self { dir, prefix: prefix.to_owned(), ids: IdFormat::default() })
     }

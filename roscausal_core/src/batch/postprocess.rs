@@ -78,12 +78,9 @@ impl Feature {
     pub fn new(parameter: &str, name: &str, text: &str) -> Result<Self> {
         let legal = |c: char| c.is_alphanumeric() || "_-.{}\\".contains(c);
         let name = name.trim();
-        if name.is_empty() || !name.chars().all(legal) || name == "time" {
-            let reason = format!(
-                "'{name}' is not a valid feature name; use letters, digits and '_', such as h_dg = ..."
-            );
-            return Err(Error::param(parameter, reason));
-        }
+        Error::ensure(!name.is_empty() && name.chars().all(legal) && name != "time", parameter, || {
+            format!("'{name}' is not a valid feature name; use letters, digits and '_', such as h_dg = ...")
+        })?;
         let expression = Expression::parse(text.trim())
             .map_err(|reason| Error::param(parameter, format!("{name} = {reason}")))?;
         Ok(Self { name: name.to_owned(), expression })

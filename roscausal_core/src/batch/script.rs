@@ -41,10 +41,9 @@ impl Script {
             return Err(Error::param("pp_script", reason));
         }
         let program = dir.join(name);
-        if !program.is_file() {
-            let reason = format!("there is no file {}; check pp_script_dir and pp_script", program.display());
-            return Err(Error::param("pp_script", reason));
-        }
+        Error::ensure(program.is_file(), "pp_script", || {
+            format!("there is no file {}; check pp_script_dir and pp_script", program.display())
+        })?;
         let script = Self {
             program,
             obs_size: 2.0,

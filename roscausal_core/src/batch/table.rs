@@ -192,11 +192,10 @@ pub fn common_step<'a>(recordings: impl IntoIterator<Item = (&'a Path, &'a Table
         match (first, table.dt()) {
             (Some((other, step)), Some(dt)) if (dt - step).abs() > 0.01 * step => {
                 let [dt, step] = [dt, step].map(|secs| (secs * 1e6).round() / 1e6);
+                let (other, flag) = (other.display(), Named("dt"));
                 let reason = format!(
-                    "its step is {dt} s, that of {} is {step} s; recordings of one system need one step: resample \
-                     them ({}), or analyse them apart",
-                    other.display(),
-                    Named("dt")
+                    "its step is {dt} s, that of {other} is {step} s; recordings of one system need one step: resample \
+                     them ({flag}), or analyse them apart"
                 );
                 return Err(Error::file(path, reason));
             }

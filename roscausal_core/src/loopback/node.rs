@@ -2,11 +2,11 @@
 
 use std::{
     sync::{
-        Arc, LazyLock, Mutex, Weak,
+        Arc, Mutex, Weak,
         atomic::{AtomicBool, Ordering},
     },
     thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use roscausal_msgs::Service;
@@ -18,7 +18,7 @@ use super::{
 use crate::{
     Error, Message, Result, Time,
     gate::lock,
-    middleware::{Consumer, Middleware, Qos, Raw, Reply, is_token, namespace_of},
+    middleware::{Answers, Consumer, Middleware, On, Qos, Raw, is_token, namespace_of},
     params::{ParamSpec, Params, TakeParams, Value},
 };
 
@@ -93,24 +93,15 @@ impl Middleware for LoopbackNode {
         LoopbackPublisher::new(&self.bus, self.resolve(topic)?, qos)
     }
 
-    fn subscribe<M: Message>(
-        &self,
-        topic: &str,
-        _qos: Qos,
-        callback: impl FnMut(M) + Send + 'static,
-    ) -> Result<Self::Subscription> {
+    fn subscribe<M: Message>(&self, topic: &str, _: Qos, callback: impl On<M>) -> Result<Self::Subscription> {
         LoopbackSubscription::new(&self.bus, self.resolve(topic)?, callback)
     }
 
-    fn listen(&self, topic: &str, callback: impl FnMut(Raw) + Send + 'static) -> Result<Self::Subscription> {
+    fn listen(&self, topic: &str, callback: impl On<Raw>) -> Result<Self::Subscription> {
         Ok(LoopbackSubscription::listen(&self.bus, self.resolve(topic)?, callback))
     }
 
-    fn serve<S: Service>(
-        &self,
-        name: &str,
-        callback: impl FnMut(S::Request, Reply<S::Response>) + Send + 'static,
-    ) -> Result<LoopbackServer> {
+    fn serve<S: Service>(&self, name: &str, callback: impl Answers<S>) -> Result<LoopbackServer> {
         LoopbackServer::new::<S>(&self.bus, self.resolve(name)?, callback)
     }
 
@@ -140,11 +131,6 @@ impl Middleware for LoopbackNode {
 
     fn now(&self) -> Time {
         self.bus.now()
-    }
-
-    fn steady(&self) -> Duration {
-        static START: LazyLock<Instant> = LazyLock::new(Instant::now);
-        START.elapsed()
     }
 
     fn is_ok(&self) -> bool {

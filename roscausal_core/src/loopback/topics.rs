@@ -13,7 +13,7 @@ use super::{Bus, BusState};
 use crate::{
     Error, Message, Result,
     gate::{Gate, lock},
-    middleware::{Publish, Qos, Raw, RawType},
+    middleware::{On, Publish, Qos, Raw, RawType},
 };
 
 pub(super) type Payload = Arc<dyn Any + Send + Sync>;
@@ -39,7 +39,7 @@ pub(super) struct Slot {
 }
 
 impl Slot {
-    fn new<M: Any + Clone + Send + Sync>(mut callback: impl FnMut(M) + Send + 'static) -> Self {
+    fn new<M: Any + Clone + Send + Sync>(mut callback: impl On<M>) -> Self {
         Self::of(move |payload| {
             if let Ok(message) = payload.downcast::<M>() {
                 callback(Arc::unwrap_or_clone(message));
@@ -48,7 +48,7 @@ impl Slot {
     }
 
     /// A slot for whatever is pushed.
-    pub(super) fn of(callback: impl FnMut(Payload) + Send + 'static) -> Self {
+    pub(super) fn of(callback: impl On<Payload>) -> Self {
         Self { gate: Gate::default(), waiting: Mutex::default(), callback: Mutex::new(Box::new(callback)) }
     }
 
@@ -209,11 +209,7 @@ pub struct LoopbackSubscription {
 }
 
 impl LoopbackSubscription {
-    pub(super) fn new<M: Message>(
-        bus: &Arc<Bus>,
-        topic: String,
-        callback: impl FnMut(M) + Send + 'static,
-    ) -> Result<Self> {
+    pub(super) fn new<M: Message>(bus: &Arc<Bus>, topic: String, callback: impl On<M>) -> Result<Self> {
         let (id, slot) = (bus.id(), Arc::new(Slot::new(callback)));
         let mut state = bus.lock();
         let entry = state.topic::<M>(&topic)?;
@@ -224,7 +220,7 @@ impl LoopbackSubscription {
     }
 
     /// A subscription to messages of any type.
-    pub(super) fn listen(bus: &Arc<Bus>, topic: String, callback: impl FnMut(Raw) + Send + 'static) -> Self {
+    pub(super) fn listen(bus: &Arc<Bus>, topic: String, callback: impl On<Raw>) -> Self {
         let (id, slot) = (bus.id(), Arc::new(Slot::new(callback)));
         let mut state = bus.lock();
         state.listeners.entry(topic.clone()).or_default().push((id, slot.clone()));

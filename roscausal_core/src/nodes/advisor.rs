@@ -93,9 +93,8 @@ struct Limits {
 impl Limits {
     fn read(params: &Params) -> Result<Self> {
         let (top_speed, percentage) = (params.double("top_speed"), params.flag("percentage"));
-        if percentage && top_speed == 0.0 {
-            return Err(Error::param("percentage", "it needs top_speed: per cent of what?"));
-        }
+        let reason = "it needs top_speed: per cent of what?";
+        Error::ensure(!percentage || top_speed != 0.0, "percentage", || reason)?;
         let mut limits = Self { top_speed, percentage, otherwise: None };
         let speed = params.text("otherwise");
         if !speed.is_empty() {

@@ -137,10 +137,8 @@ pub(super) fn signals(params: &Params) -> Result<Signals> {
             return fault(format!("'{name}' is a feature, too; choose another name"));
         }
     }
-    if signals.is_empty() && features.is_empty() {
-        let reason = "nobody: there is nothing to record; give signals or features";
-        return Err(Error::param("sel_agent", reason));
-    }
+    let reason = "nobody: there is nothing to record; give signals or features";
+    Error::ensure(!signals.is_empty() || !features.is_empty(), "sel_agent", || reason)?;
     Ok(Signals::new(signals, Definitions::of(&params.text("msg_path"))))
 }
 
@@ -163,9 +161,8 @@ pub(super) fn writer(params: &Params) -> Result<WriterConfig> {
     let (prefix, ids) = (params.text("csv_prefix"), IdFormat::new(&params.text("id_format"))?);
     let (raw, processed) = (path(&params.text("data_dir")), path(&params.text("pp_data_dir")));
     let processing = processing(params)?;
-    if raw == processed && !matches!(processing, Processing::None) {
-        return Err(Error::param("pp_data_dir", "it is data_dir too; give each its own folder"));
-    }
+    let reason = "it is data_dir too; give each its own folder";
+    Error::ensure(raw != processed || matches!(processing, Processing::None), "pp_data_dir", || reason)?;
     Ok(WriterConfig {
         raw: Pool::open(raw, &prefix)?.with_id_format(ids.clone()),
         processed: Pool::open(processed, &prefix)?.with_id_format(ids),

@@ -208,9 +208,8 @@ impl DiscoveryParams {
             request.check()?;
         }
         let resampling = request.resampling()?;
-        if resampling.is_some() && program.is_some() {
-            return Err(Error::param("resamples", "external methods are not resampled; set it to 0"));
-        }
+        let reason = "external methods are not resampled; set it to 0";
+        Error::ensure(resampling.is_none() || program.is_none(), "resamples", || reason)?;
         let rolling = rolling_of(params);
         if !request.vectors.is_empty() && (program.is_some() || rolling.is_some()) {
             let reason =

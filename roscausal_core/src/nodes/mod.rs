@@ -36,7 +36,7 @@ use crate::{
     batch::postprocess::Postprocess,
     loopback::Loopback,
     middleware::Middleware,
-    params::{ParamSpec, Params, Value, nearest},
+    params::{ParamSpec, Params, Value, instead},
 };
 
 pub use advisor::{advisor, watchdog};
@@ -178,8 +178,7 @@ pub(crate) fn in_namespace(parameter: &str, name: &str, topic: &str) -> Result<S
 }
 
 fn unknown_node(name: &str) -> Error {
-    let hint = nearest(&NODES, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-    Error::param("node", format!("there is no node '{name}'; {hint}nodes: {}", NODES.join(", ")))
+    Error::param("node", format!("there is no node '{name}'; {}", instead(&NODES, name, "nodes:")))
 }
 
 #[cfg(test)]

@@ -93,10 +93,9 @@ impl ReasoningParams {
             other => other,
         })?;
         let (max_samples, min_samples) = (params.count("max_samples"), params.count("min_samples"));
-        if min_samples > max_samples {
-            let reason = format!("{min_samples} is more than max_samples ({max_samples}); give less");
-            return Err(Error::param("min_samples", reason));
-        }
+        Error::ensure(min_samples <= max_samples, "min_samples", || {
+            format!("{min_samples} is more than max_samples ({max_samples}); give less")
+        })?;
         let graph = match params.text_if_set("graph") {
             None => None,
             Some(file) => {

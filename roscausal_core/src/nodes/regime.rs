@@ -109,11 +109,9 @@ impl Rolling {
         let dir = pool.path(FOLDER);
         fs::create_dir_all(&dir).map_err(|e| Error::file(&dir, e))?;
         let lock = File::open(&dir).map_err(|e| Error::file(&dir, e))?;
-        if !try_lock(&lock, &dir)? {
-            let reason =
-                format!("another node keeps its regime in {}; give each its own folder", dir.display());
-            return Err(Error::param("data_dir", reason));
-        }
+        Error::ensure(try_lock(&lock, &dir)?, "data_dir", || {
+            format!("another node keeps its regime in {}; give each its own folder", dir.display())
+        })?;
         let path = dir.join(FILE);
         let regime = match fs::read(&path) {
             Ok(text) => serde_json::from_slice(&text).unwrap_or_else(|error| {

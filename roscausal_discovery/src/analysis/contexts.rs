@@ -60,14 +60,13 @@ impl Settings {
         let mut contexts = self.context(data);
         contexts.extend(pairs.iter().filter_map(|(column, _)| place(column)));
         let contexts = unique(contexts);
-        if contexts.is_empty() {
-            let reason = format!(
+        Error::ensure(!contexts.is_empty(), "acts_on", || {
+            format!(
                 "candoit needs interventions, and no column holds one (columns: {}); name it, such as do_robot_speed=r_v, or take \
                  lpcmci",
                 all()
-            );
-            return Err(Error::param("acts_on", reason));
-        }
+            )
+        })?;
         if let Some(&context) = contexts.iter().find(|&&var| is_constant_everywhere(data, var)) {
             let name = &data.var_names()[context];
             let reason = format!(

@@ -101,9 +101,8 @@ impl Detector {
     /// # Errors
     /// Fewer than two variables, a lag of 0 or one that is too large, an exogenous variable that there is not, or levels outside (0, 1).
     pub fn new(names: Vec<String>, tau_max: usize, exogenous: &[String], levels: Levels) -> Result<Self> {
-        if names.len() < 2 || tau_max == 0 {
-            return Err(Error::param("changes", "a change of a link needs two variables and lags from 1 on"));
-        }
+        let reason = "a change of a link needs two variables and lags from 1 on";
+        Error::ensure(names.len() >= 2 && tau_max > 0, "changes", || reason)?;
         Error::check_lags(1, tau_max)?;
         for (name, level) in [("suspect_level", levels.suspect), ("confirm_level", levels.confirm)] {
             Error::ensure(level > 0.0 && level < 1.0, name, || format!("{level} is not between 0 and 1"))?;

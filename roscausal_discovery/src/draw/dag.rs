@@ -127,12 +127,10 @@ fn draw_maybes(
     moved: impl Fn(&Point) -> Point,
 ) {
     for (maybe, route) in between {
+        let (cause, effect) = (display(&names[maybe.from]), display(&names[maybe.to]));
+        let (lag, share) = (maybe.lag, maybe.share);
         let words = format!(
-            "{} → {}, lag {}: no link of the model, but in {:.2} of the resamples",
-            display(&names[maybe.from]),
-            display(&names[maybe.to]),
-            maybe.lag,
-            maybe.share
+            "{cause} → {effect}, lag {lag}: no link of the model, but in {share:.2} of the resamples"
         );
         svg.raw(&format!("<g class=\"maybe\"><title>{}</title>", escaped(&words)));
         let path: Vec<Point> = route.path.iter().map(&moved).collect();

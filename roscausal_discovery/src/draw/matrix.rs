@@ -85,14 +85,9 @@ impl<'a> Matrix<'a> {
                 cell * effect as f64 + within(slot / self.side),
             );
             let found = link.confidence.map_or(String::new(), |share| format!(", found in {share:.2}"));
-            let words = format!(
-                "{} → {}, lag {}: {}{}{found}",
-                display(&link.cause),
-                display(&link.effect),
-                link.lag,
-                link.strength_in_words(2),
-                link.p_value.map_or(String::new(), |p| format!(", p {p:.4}"))
-            );
+            let p = link.p_value.map_or(String::new(), |p| format!(", p {p:.4}"));
+            let (from, to) = (display(&link.cause), display(&link.effect));
+            let words = format!("{from} → {to}, lag {}: {}{p}{found}", link.lag, link.strength_in_words(2));
             let strength = link.drawn_strength();
             let size = link.confidence.unwrap_or(strength.abs());
             self.disc(svg, disc, link.lag, size.copysign(strength), &words);

@@ -1,5 +1,7 @@
 //! Vector autoregression: every variable regressed on the past of all variables. What Granger causality and VARLiNGAM share.
 
+use std::ops::RangeInclusive;
+
 use ndarray::Array3;
 
 use crate::{
@@ -61,11 +63,7 @@ impl Autoregression {
     ///
     /// # Errors
     /// Fewer samples than coefficients.
-    pub(super) fn new(
-        rows: CompleteRows,
-        lags: std::ops::RangeInclusive<usize>,
-        constant: bool,
-    ) -> Result<Self> {
+    pub(super) fn new(rows: CompleteRows, lags: RangeInclusive<usize>, constant: bool) -> Result<Self> {
         let n_vars = rows.n_vars;
         let causes: Vec<Node> =
             lags.flat_map(|lag| (0..n_vars).map(move |var| Node::new(var, lag))).collect();
@@ -73,13 +71,11 @@ impl Autoregression {
         let targets: Vec<&[f64]> = (0..n_vars).map(|var| rows.column(Node::new(var, 0))).collect();
         let needed = causes.len() + usize::from(constant) + 1;
         if rows.len() < needed {
+            let (n, coefficients, flag) = (rows.len(), needed - 1, Named("tau_max"));
+            let lost = if rows.n_lost > 0 { " (samples with a missing value are left out)" } else { "" };
             return Err(Error::Data(format!(
-                "{} complete samples are too few for {} coefficients of each variable: record at least {needed}, or lower \
-                 {}{}",
-                rows.len(),
-                needed - 1,
-                Named("tau_max"),
-                if rows.n_lost > 0 { " (samples with a missing value are left out)" } else { "" }
+                "{n} complete samples are too few for {coefficients} coefficients of each variable: record at least {needed}, or lower \
+                 {flag}{lost}"
             )));
         }
         let fit = LeastSquares::new(&columns, &targets, constant);

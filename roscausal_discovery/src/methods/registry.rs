@@ -262,19 +262,13 @@ impl Method {
     pub fn table() -> String {
         let yes = |flag: bool| if flag { "yes" } else { "no" };
         let entry = |info: &MethodInfo| {
+            let MethodInfo { name, says, assumes, take_it, cost, .. } = info;
+            let (lag, hidden, several) =
+                (yes(info.lag_zero), yes(info.hidden_causes), yes(info.several_recordings));
+            let (p_values, test) = (yes(info.p_values), yes(info.uses_test));
             format!(
-                "{}\n  says:     {}\n  assumes:  {}\n  take it:  {}\n  cost:     {}\n  lag 0: {}, hidden causes: {}, several \
-                 recordings: {}, p-values: {}, independence test: {}\n",
-                info.name,
-                info.says,
-                info.assumes,
-                info.take_it,
-                info.cost,
-                yes(info.lag_zero),
-                yes(info.hidden_causes),
-                yes(info.several_recordings),
-                yes(info.p_values),
-                yes(info.uses_test)
+                "{name}\n  says:     {says}\n  assumes:  {assumes}\n  take it:  {take_it}\n  cost:     {cost}\n  lag 0: {lag}, \
+                 hidden causes: {hidden}, several recordings: {several}, p-values: {p_values}, independence test: {test}\n"
             )
         };
         METHODS.iter().map(entry).collect::<Vec<_>>().join("\n")

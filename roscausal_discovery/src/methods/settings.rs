@@ -65,9 +65,8 @@ impl PcmciSettings {
         }
         let reason = "0 is not allowed; give 1 or more";
         Error::ensure(self.max_combinations > 0, "max_combinations", || reason)?;
-        if self.fdr != Fdr::None && test.decides_by_value() {
-            return Err(Error::param("fdr", "fixed_thres gives no p-values to correct; choose fdr none"));
-        }
+        let reason = "fixed_thres gives no p-values to correct; choose fdr none";
+        Error::ensure(self.fdr == Fdr::None || !test.decides_by_value(), "fdr", || reason)?;
         match &self.link_assumptions {
             Some(links) => {
                 let hidden = |target| links.of_target(target).find(|(_, a)| a.speaks_of_hidden_causes());

@@ -191,11 +191,9 @@ impl Models<'_> {
         if self.rows.len() >= needed {
             return Ok(());
         }
+        let (rows, causes, flag) = (self.rows.len(), needed - 2, Named("tau_max"));
         Err(Error::Data(format!(
-            "{} complete samples are too few for {} causes of each variable: record at least {needed}, or lower {}",
-            self.rows.len(),
-            needed - 2,
-            Named("tau_max")
+            "{rows} complete samples are too few for {causes} causes of each variable: record at least {needed}, or lower {flag}"
         )))
     }
 

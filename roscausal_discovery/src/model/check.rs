@@ -277,11 +277,8 @@ impl Model {
                 return Err(format!("advice names {}, which is not one of its features", quoted(name)));
             }
             if advice.lag > self.tau_max || !is_share(advice.confidence) {
-                return Err(format!(
-                    "advice on {} -> {} has no lag or share that can be",
-                    quoted(cause),
-                    quoted(effect)
-                ));
+                let (cause, effect) = (quoted(cause), quoted(effect));
+                return Err(format!("advice on {cause} -> {effect} has no lag or share that can be"));
             }
         }
         Ok(())

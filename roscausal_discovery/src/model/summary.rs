@@ -156,13 +156,11 @@ impl Model {
         };
         let (level_name, level) = self.link_level_in_words();
         let fdr = if self.fdr == "none" { String::new() } else { format!(" corrected by {}", self.fdr) };
+        let (method, test) = (self.method.name().to_uppercase(), &self.cond_ind_test);
+        let links = count(self.links.iter().filter(|link| link.cause != link.effect).count(), "link");
         format!(
-            "{} with {} ({level_name} {level}{fdr}, lags {}..{}) on {samples} samples{recordings}{step}: {} between variables",
-            self.method.name().to_uppercase(),
-            self.cond_ind_test,
-            self.tau_min,
-            self.tau_max,
-            count(self.links.iter().filter(|link| link.cause != link.effect).count(), "link")
+            "{method} with {test} ({level_name} {level}{fdr}, lags {}..{}) on {samples} samples{recordings}{step}: {links} between variables",
+            self.tau_min, self.tau_max
         )
     }
 
@@ -443,39 +441,30 @@ impl<'a> Facts<'a> {
         let mut all = Vec::new();
         let mut add = |about, text: String| all.push(SummaryAdvice { about, text });
         if model.status != Status::Complete {
-            add(
-                "time_budget",
-                format!("Let it end: without {}, or with a longer one.", Named("time_budget")),
-            );
+            let budget = Named("time_budget");
+            add("time_budget", format!("Let it end: without {budget}, or with a longer one."));
         }
         if let Some(profile) = &model.about_data {
             if let Some(later) = profile.later.first() {
                 add("tau_max", format!("Test longer lags: {} {}.", Named("tau_max"), later.tau_max));
             }
             if let Some(season) = &profile.season {
-                add(
-                    "season",
-                    format!("Take the mean course of the period out: {} {}.", Named("season"), season.period),
-                );
+                let (flag, period) = (Named("season"), season.period);
+                add("season", format!("Take the mean course of the period out: {flag} {period}."));
             }
             if let Some(way) = Unsteady::way_out(&profile.unsteady) {
                 add("rows", way + ".");
             }
         }
         if model.status == Status::Complete && model.features.is_empty() {
-            add(
-                "method",
-                format!("Test all pairs, without the filter: {} {}.", Named("method"), Method::Pcmci),
-            );
+            let (flag, method) = (Named("method"), Method::Pcmci);
+            add("method", format!("Test all pairs, without the filter: {flag} {method}."));
         }
         let reads_fdr = self.info.is_some_and(|info| info.reads.contains(&Reads::Fdr));
         let weak = self.links.iter().filter(|link| !link.is_claim()).count();
         if reads_fdr && weak > 0 && self.by_chance().is_some() {
-            let left = self.stand_out;
-            add(
-                "fdr",
-                format!("Correct for the number of tests: {} leaves {}.", Named("fdr"), count(left, "link")),
-            );
+            let (flag, left) = (Named("fdr"), count(self.stand_out, "link"));
+            add("fdr", format!("Correct for the number of tests: {flag} leaves {left}."));
         }
         if let Some(text) = self.longer() {
             add("record_longer", text);

@@ -75,9 +75,8 @@ impl Windows {
     }
 
     fn check(&self, data: &DataFrame, tau_max: usize) -> Result<()> {
-        if self.length == 0 || self.step == 0 {
-            return Err(Error::param("window", "window and step are numbers of rows from 1 on"));
-        }
+        let reason = "window and step are numbers of rows from 1 on";
+        Error::ensure(self.length > 0 && self.step > 0, "window", || reason)?;
         let past = tau_max.saturating_mul(2);
         if self.length <= past {
             let (length, flag) = (self.length, Named("tau_max"));

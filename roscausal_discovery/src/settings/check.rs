@@ -85,12 +85,11 @@ impl Settings {
         if smallest <= level {
             return Ok(());
         }
+        let (method, least) = (self.method, (1.0 / level).ceil());
+        let flag = Named(if by_pc { "pc_alpha" } else { "alpha" });
         let reason = format!(
-            "with {shuffles} the smallest p-value is {smallest:.4}, above the level {level} of {}, so nothing could be found; give at \
-             least {}, or a higher level ({})",
-            self.method,
-            (1.0 / level).ceil(),
-            Named(if by_pc { "pc_alpha" } else { "alpha" })
+            "with {shuffles} the smallest p-value is {smallest:.4}, above the level {level} of {method}, so nothing could be found; give at \
+             least {least}, or a higher level ({flag})"
         );
         Err(Error::param("shuffles", reason))
     }

@@ -2,7 +2,7 @@
 
 use std::{ops::Range, sync::Arc};
 
-use ndarray::{Array2, ArrayView1, Axis, s};
+use ndarray::{Array2, ArrayView1, ArrayViewMut1, Axis, s};
 
 use super::{
     common::Common,
@@ -203,11 +203,7 @@ impl DataFrame {
     /// # Errors
     /// Masks whose number or shapes differ from those of the recordings.
     pub fn with_mask(mut self, masks: Vec<Array2<bool>>, mask_type: MaskType) -> Result<Self> {
-        let fits = masks.len() == self.recordings.len()
-            && masks
-                .iter()
-                .zip(self.recordings.iter())
-                .all(|(mask, recording)| mask.dim() == recording.dim());
+        let fits = masks.iter().map(|mask| mask.dim()).eq(self.recordings.iter().map(|of| of.dim()));
         Error::ensure(fits, "mask", || "give one mask per recording, each of the recording's shape")?;
         self.masks = Some(Arc::new(masks));
         self.mask_type = mask_type;
@@ -227,8 +223,7 @@ impl DataFrame {
     /// # Errors
     /// Lists whose number or lengths differ from those of the recordings.
     pub fn with_reference_points(mut self, points: Vec<Vec<bool>>) -> Result<Self> {
-        let fits = points.len() == self.recordings.len()
-            && points.iter().zip(self.recordings.iter()).all(|(of, recording)| of.len() == recording.nrows());
+        let fits = points.iter().map(Vec::len).eq(self.recordings.iter().map(|of| of.nrows()));
         Error::ensure(fits, "reference_points", || "give one list per recording, each of its length")?;
         self.reference_points = Some(points);
         Ok(self)
@@ -288,35 +283,31 @@ impl DataFrame {
         masks.and_then(|masks| masks.get(recording)).map_or_else(Vec::new, of)
     }
 
-    /// The data with `by[var]` taken off each value of a variable.
-    pub(crate) fn shifted(&self, by: &[f64]) -> Self {
+    /// The data with each variable of each recording changed.
+    fn changed(&self, change: impl Fn(usize, ArrayViewMut1<'_, f64>)) -> Self {
         let mut data = self.clone();
         for recording in Arc::make_mut(&mut data.recordings) {
-            recording.columns_mut().into_iter().zip(by).for_each(|(mut column, by)| column -= *by);
+            recording.columns_mut().into_iter().enumerate().for_each(|(var, column)| change(var, column));
         }
         data
+    }
+
+    /// The data with `by[var]` taken off each value of a variable.
+    pub(crate) fn shifted(&self, by: &[f64]) -> Self {
+        self.changed(|var, mut column| column -= by[var])
     }
 
     /// The data with each value of a variable multiplied by `by[var]`.
     pub(crate) fn scaled(&self, by: &[f64]) -> Self {
-        let mut data = self.clone();
-        for recording in Arc::make_mut(&mut data.recordings) {
-            recording.columns_mut().into_iter().zip(by).for_each(|(mut column, by)| column *= *by);
-        }
-        data
+        self.changed(|var, mut column| column *= by[var])
     }
 
     /// The data with the mean of each variable in each recording taken off.
     pub(crate) fn centred(&self) -> Self {
-        let mut data = self.clone();
-        for recording in Arc::make_mut(&mut data.recordings) {
-            for mut column in recording.columns_mut() {
-                let (sum, n) =
-                    column.iter().filter(|v| !v.is_nan()).fold((0.0, 0), |(s, n), v| (s + v, n + 1));
-                column.mapv_inplace(|v| v - sum / f64::from(n.max(1)));
-            }
-        }
-        data
+        self.changed(|_, mut column| {
+            let (sum, n) = column.iter().filter(|v| !v.is_nan()).fold((0.0, 0), |(s, n), v| (s + v, n + 1));
+            column.mapv_inplace(|v| v - sum / f64::from(n.max(1)));
+        })
     }
 
     /// The recordings, each `T x N`.

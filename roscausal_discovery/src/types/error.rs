@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use super::{
-    names::nearest,
+    names::instead,
     words::{Named, spelled_out},
 };
 
@@ -41,8 +41,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 impl Error {
     /// The [`Error::Param`] of a word that is none of those `allowed`; it names the nearest one.
     pub fn unknown(name: &str, value: &str, allowed: &[&str]) -> Self {
-        let hint = nearest(allowed, value).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-        Self::param(name, format!("'{value}' is unknown; {hint}allowed: {}", allowed.join(", ")))
+        Self::param(name, format!("'{value}' is unknown; {}", instead(allowed, value, "allowed:")))
     }
 
     /// Refuses a largest lag below the smallest one, or above [`MOST_LAG`].
@@ -56,12 +55,18 @@ impl Error {
     }
 
     /// Refuses a setting for which something does not hold.
-    pub(crate) fn ensure<R: Display>(holds: bool, name: &str, reason: impl FnOnce() -> R) -> Result<()> {
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn ensure<R: Display>(holds: bool, name: &str, reason: impl FnOnce() -> R) -> Result<()> {
         if holds { Ok(()) } else { Err(Self::param(name, reason())) }
     }
 
     /// Refuses data for which something does not hold.
-    pub(crate) fn ensure_data<R: Display>(holds: bool, reason: impl FnOnce() -> R) -> Result<()> {
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn ensure_data<R: Display>(holds: bool, reason: impl FnOnce() -> R) -> Result<()> {
         if holds { Ok(()) } else { Err(Self::Data(reason().to_string())) }
     }
 

@@ -92,11 +92,9 @@ impl LinkAssumptions {
             let lags = rule.lags([tau_min, tau_max])?;
             named =
                 named.saturating_add(causes.len().saturating_mul(effects.len()).saturating_mul(lags.len()));
-            if named > MOST_LINKS {
-                let reason =
-                    format!("the rules name more than {MOST_LINKS} links; give fewer rules, or fewer lags");
-                return Err(Error::Data(reason));
-            }
+            Error::ensure_data(named <= MOST_LINKS, || {
+                format!("the rules name more than {MOST_LINKS} links; give fewer rules, or fewer lags")
+            })?;
             let mut fits = false;
             for &cause in &causes {
                 for &effect in &effects {

@@ -34,6 +34,20 @@ pub fn nearest<'a, S: AsRef<str>>(names: &'a [S], wanted: &str) -> Option<&'a st
     (closeness(best) > 0.7).then_some(best)
 }
 
+/// What to say of the `names` that there are, where one is `wanted` that there is not; `what` they are.
+///
+/// ```
+/// use roscausal_discovery::names::instead;
+///
+/// let told = instead(&["speed", "distance"], "sped", "columns:");
+/// assert_eq!(told, "did you mean 'speed'? columns: speed, distance");
+/// ```
+pub fn instead<S: AsRef<str>>(names: &[S], wanted: &str, what: &str) -> String {
+    let hint = nearest(names, wanted).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+    let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
+    format!("{hint}{what} {}", names.join(", "))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

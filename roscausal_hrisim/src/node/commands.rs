@@ -120,9 +120,7 @@ fn way(text: &str, simulation: &mut Simulation) -> Result<()> {
 fn imposed(text: &str, now: f64) -> Result<Intervention> {
     let mut one: Intervention = text.parse().map_err(|reason: String| Error::param("/hri/do", reason))?;
     one.start = one.start.max(now);
-    if one.end <= one.start {
-        return Err(Error::param("/hri/do", format!("'{text}' is over: it is {now:.2} s now")));
-    }
+    Error::ensure(one.end > one.start, "/hri/do", || format!("'{text}' is over: it is {now:.2} s now"))?;
     if let Target::HumanGoal(goal) = one.target
         && !goal.is_finite()
     {

@@ -46,9 +46,8 @@ impl Scenario {
         number("duration", self.duration, 0.04, 1e7)?;
         if let Some(day) = &self.day {
             day.check()?;
-            if self.robots.len() != 1 {
-                return Err(Error::param("day", "a working day has one robot; give one of [[robots]]"));
-            }
+            let reason = "a working day has one robot; give one of [[robots]]";
+            Error::ensure(self.robots.len() == 1, "day", || reason)?;
         }
         self.check_people(&world)?;
         self.check_robots(&world)?;
@@ -72,10 +71,9 @@ impl Scenario {
             if !ids.insert(id) {
                 return Err(Error::param(format!("{at}.id"), format!("{id} is another person's already")));
             }
-            if id < 1000 && id as usize <= self.pedestrians.count {
-                let reason = format!("{id} is a pedestrian's; use 1000 or more");
-                return Err(Error::param(format!("{at}.id"), reason));
-            }
+            Error::ensure(id >= 1000 || id as usize > self.pedestrians.count, &format!("{at}.id"), || {
+                format!("{id} is a pedestrian's; use 1000 or more")
+            })?;
             let p = &person.walk;
             let fields = [
                 ("speed", p.speed, 0.05, 5.0),
@@ -96,19 +94,15 @@ impl Scenario {
             ];
             numbers(&format!("{at}.walk"), &fields)?;
             let areas = person_areas(self, index);
-            if areas.len() == 1 && self.plan != Plan::Crowd {
-                let reason = "one area only; give two or more, so that the goal changes";
-                return Err(Error::param(format!("{at}.areas"), reason));
-            }
+            let reason = "one area only; give two or more, so that the goal changes";
+            Error::ensure(areas.len() != 1 || self.plan == Plan::Crowd, &format!("{at}.areas"), || reason)?;
             let mut reach = person.start;
             if let Some(start) = person.start {
                 place(world, &format!("{at}.start"), start, None, 0.0)?;
             }
             for (k, area) in areas.iter().enumerate() {
                 let name = format!("{at}.areas[{k}]");
-                if area.0.is_empty() {
-                    return Err(Error::param(name, "no corner; give one point or more"));
-                }
+                Error::ensure(!area.0.is_empty(), &name, || "no corner; give one point or more")?;
                 for corner in area.0.iter().chain([&area.centre()]) {
                     place(world, &name, *corner, reach, p.arrival)?;
                     reach = reach.or(Some(*corner));
@@ -128,11 +122,9 @@ impl Scenario {
                 let reason = format!("'{}' is not a namespace; use letters, digits and '_'", robot.name);
                 return Err(Error::param(format!("{at}.name"), reason));
             }
-            if !names.insert(&robot.name) {
-                let reason =
-                    format!("'{}' is another robot's already; names tell their topics apart", robot.name);
-                return Err(Error::param(format!("{at}.name"), reason));
-            }
+            Error::ensure(names.insert(&robot.name), &format!("{at}.name"), || {
+                format!("'{}' is another robot's already; names tell their topics apart", robot.name)
+            })?;
             let d = &robot.drive;
             let fields = [
                 ("speed", d.speed, 0.0, 10.0),
@@ -172,12 +164,11 @@ impl Scenario {
                 place(world, &at, goal, from.map(|area| area.centre()), 0.5)?;
             }
             for (earlier, other) in self.interventions[..index].iter().enumerate() {
-                if one.overlaps(other) {
-                    let reason = format!(
+                Error::ensure(!one.overlaps(other), &at, || {
+                    format!(
                         "'{one}' overlaps interventions[{earlier}], '{other}'; let one end before the other starts"
-                    );
-                    return Err(Error::param(at, reason));
-                }
+                    )
+                })?;
             }
         }
         Ok(())

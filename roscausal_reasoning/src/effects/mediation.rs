@@ -185,10 +185,8 @@ pub(super) fn columns_for(
     variables: &[usize],
     horizon: usize,
 ) -> Result<Columns> {
-    if !graph.pairs().is_empty() {
-        let reason = "the graph has pairs without a direction; take one of its orientations";
-        return Err(Error::Data(reason.into()));
-    }
+    let reason = "the graph has pairs without a direction; take one of its orientations";
+    Error::ensure_data(graph.pairs().is_empty(), || reason)?;
     let columns = Columns::new(samples, graph, variables, horizon);
     let most = variables.iter().map(|&var| graph.parents(var).len()).max().unwrap_or(0);
     if !variables.is_empty() && columns.products.n < most + 2 {

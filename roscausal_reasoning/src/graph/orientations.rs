@@ -57,10 +57,8 @@ impl Graph {
         if all.iter().any(|one| !one.against_the_rule) {
             all.retain(|one| !one.against_the_rule);
         }
-        if all.is_empty() {
-            let reason = "the pairs without a direction make a circle however they are directed";
-            return Err(Error::Data(reason.into()));
-        }
+        let reason = "the pairs without a direction make a circle however they are directed";
+        Error::ensure_data(!all.is_empty(), || reason)?;
         Ok(all)
     }
 

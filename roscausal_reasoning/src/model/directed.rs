@@ -47,10 +47,9 @@ impl Settings {
         if !(1..=1000).contains(&self.members) {
             return Err(Error::param("members", format!("{} is not between 1 and 1000", self.members)));
         }
-        if !(0.5..1.0).contains(&self.interval) {
-            let reason = format!("{} is not a probability from 0.5 to below 1, such as 0.9", self.interval);
-            return Err(Error::param("interval", reason));
-        }
+        Error::ensure((0.5..1.0).contains(&self.interval), "interval", || {
+            format!("{} is not a probability from 0.5 to below 1, such as 0.9", self.interval)
+        })?;
         Ok(())
     }
 }

@@ -17,9 +17,7 @@ type Checked<T> = std::result::Result<T, String>;
 /// The number of a variable that a user names.
 pub(crate) fn variable(all: &[String], wanted: &str) -> Checked<usize> {
     names::position(all, wanted).ok_or_else(|| {
-        let hint =
-            names::nearest(all, wanted).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-        format!("there is no variable '{wanted}'; {hint}the model has {}", all.join(", "))
+        format!("there is no variable '{wanted}'; {}", names::instead(all, wanted, "the model has"))
     })
 }
 

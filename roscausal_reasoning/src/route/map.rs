@@ -53,13 +53,10 @@ impl Map {
         for place in &places {
             let legal = |c: char| c.is_ascii_alphanumeric() || c == '_';
             let named = !place.name.is_empty() && place.name.chars().all(legal);
-            if !named || place.at.iter().any(|x| !(-1e6..=1e6).contains(x)) {
-                let reason = format!(
-                    "'{}' needs letters, digits and '_' as its name, and a position in metres",
-                    place.name
-                );
-                return Err(Error::param("places", reason));
-            }
+            let name = &place.name;
+            Error::ensure(named && place.at.iter().all(|x| (-1e6..=1e6).contains(x)), "places", || {
+                format!("'{name}' needs letters, digits and '_' as its name, and a position in metres")
+            })?;
             if index.insert(place.name.as_str(), graph.add_node(())).is_some() {
                 return Err(Error::param("places", format!("there are two places '{}'", place.name)));
             }

@@ -27,13 +27,10 @@ impl Pace {
     /// # Errors
     /// Fewer than 30 rows, or a robot that did not drive.
     pub fn fit(rows: &[(f64, f64)]) -> Result<Self> {
-        if rows.len() < FEWEST {
-            let reason = format!(
-                "{} rows of a driving robot are too few to tell its pace; record {FEWEST} or more",
-                rows.len()
-            );
-            return Err(Error::Data(reason));
-        }
+        let n = rows.len();
+        Error::ensure_data(n >= FEWEST, || {
+            format!("{n} rows of a driving robot are too few to tell its pace; record {FEWEST} or more")
+        })?;
         let sum = |of: fn(f64, f64) -> f64| rows.iter().map(|&(n, v)| of(n, v)).sum::<f64>();
         let (v, vn, vnn) = (sum(|_, v| v), sum(|n, v| n * v), sum(|n, v| n * n * v));
         let (one, people) = (rows.len() as f64, sum(|n, _| n));
@@ -44,12 +41,9 @@ impl Pace {
         let each =
             if determinant > 1e-9 * v * vnn { ((v * people - vn * one) / determinant).max(0.0) } else { 0.0 };
         let pace = Self { free: (one - each * vn) / v, each };
-        if !(pace.free > 0.0 && pace.free <= SLOWEST && pace.each <= SLOWEST) {
-            return Err(Error::Data(format!(
-                "no pace of a robot: {} s for a metre where nobody is",
-                pace.free
-            )));
-        }
+        Error::ensure_data(pace.free > 0.0 && pace.free <= SLOWEST && pace.each <= SLOWEST, || {
+            format!("no pace of a robot: {} s for a metre where nobody is", pace.free)
+        })?;
         Ok(pace)
     }
 }

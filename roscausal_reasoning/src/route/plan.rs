@@ -110,14 +110,10 @@ impl House<'_> {
         if numbers.iter().chain(&cost).chain(counts).any(|number| !(0.0..=LONGEST).contains(number)) {
             return Err(Error::param("trip", format!("a number is below 0, above {LONGEST} or none")));
         }
-        if trip.now.is_some() && counts.len() != self.map.places.len() {
-            let reason = format!(
-                "{} counts for {} places; give one for each, or none",
-                counts.len(),
-                self.map.places.len()
-            );
-            return Err(Error::param("now", reason));
-        }
+        let (given, n) = (counts.len(), self.map.places.len());
+        Error::ensure(trip.now.is_none() || given == n, "now", || {
+            format!("{given} counts for {n} places; give one for each, or none")
+        })?;
         let free: Vec<f64> =
             self.map.distance[trip.from].iter().map(|metres| metres * self.pace.free).collect();
         let longest = free.iter().fold(0.0, |a: f64, b| a.max(*b));

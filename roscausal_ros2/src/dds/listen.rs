@@ -16,7 +16,7 @@ use ros2_client::Gid;
 use roscausal_core::{
     Error, Result,
     gate::Gate,
-    middleware::{Raw, RawType},
+    middleware::{On, Raw, RawType},
 };
 use roscausal_msgs::dynamic::Wire;
 use rustdds::{
@@ -40,11 +40,7 @@ impl Participant {
     ///
     /// # Errors
     /// An illegal name, or a system without threads.
-    pub(crate) fn listen(
-        self: &Arc<Self>,
-        topic: &str,
-        callback: impl FnMut(Raw) + Send + 'static,
-    ) -> Result<Subscription> {
+    pub(crate) fn listen(self: &Arc<Self>, topic: &str, callback: impl On<Raw>) -> Result<Subscription> {
         let topic = self.names.resolve(topic)?;
         let subscription = Subscription::waiting();
         let (gate, task) = (subscription.gate.clone(), subscription.task.clone());
@@ -71,7 +67,7 @@ impl Participant {
         name: &str,
         kind: &str,
         gate: Arc<Gate>,
-        mut callback: impl FnMut(Raw) + Send + 'static,
+        mut callback: impl On<Raw>,
     ) -> Result<futures::future::AbortHandle> {
         let fail = |reason: String| Error::Topic { topic: name.to_owned(), reason };
         let (package, short) =

@@ -9,7 +9,7 @@ use ros2_client::{Message as Carry, Name, QosProfile, ServiceMapping, ServiceTyp
 use roscausal_core::{
     Error, Result,
     gate::{Gate, lock},
-    middleware::Reply,
+    middleware::{Answers, Reply},
 };
 use roscausal_msgs::{Message, Service};
 use serde::{Deserialize, Serialize};
@@ -50,7 +50,7 @@ impl Participant {
     pub(crate) fn serve<S: Service>(
         self: &Arc<Self>,
         name: &str,
-        mut callback: impl FnMut(S::Request, Reply<S::Response>) + Send + 'static,
+        mut callback: impl Answers<S>,
     ) -> Result<Server> {
         let service = self.service_name(name)?;
         let fail = |reason: String| Error::Service { service: service.clone(), reason };

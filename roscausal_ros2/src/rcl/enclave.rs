@@ -86,10 +86,9 @@ impl Enclave {
         )?;
         let folder = keystore.join("enclaves").join(name.trim_start_matches('/'));
         if !folder.is_dir() {
+            let (folder, keystore) = (folder.display(), keystore.display());
             return Err(format!(
-                "there is no enclave {name}: {} is not a folder; make it with 'ros2 security create_enclave {} {name}'",
-                folder.display(),
-                keystore.display()
+                "there is no enclave {name}: {folder} is not a folder; make it with 'ros2 security create_enclave {keystore} {name}'"
             ));
         }
         let missing: Vec<&str> = FILES.into_iter().filter(|file| !folder.join(file).is_file()).collect();

@@ -113,10 +113,9 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
 
 impl Args {
     fn check(&self) -> Result<()> {
-        if !(1..=1000).contains(&self.legs) {
-            let reason = format!("{} is not a number of waypoints from 1 to 1000", self.legs);
-            return Err(Error::param("legs", reason));
-        }
+        Error::ensure((1..=1000).contains(&self.legs), "legs", || {
+            format!("{} is not a number of waypoints from 1 to 1000", self.legs)
+        })?;
         if !(0.0..=1e6).contains(&self.hurry) {
             return Err(Error::param("hurry", format!("{} is not a number from 0 to 1e6", self.hurry)));
         }

@@ -24,12 +24,11 @@ pub(super) fn markdown(policies: &[Policy], trials: &[Trial]) -> String {
         let asked: u64 = own.iter().map(|trial| trial.drive.asked).sum();
         let answered: u64 = own.iter().map(|trial| trial.drive.answered).sum();
         let questions = if asked == 0 { String::new() } else { format!("{answered} of {asked}") };
+        let (name, all) = (policy.name(), own.len());
         let _ = writeln!(
             text,
-            "| {} | {reached} of {} | {time:.1} ± {time_sd:.1} | {risk:.3} ± {risk_sd:.3} | {high:.2} ± {high_sd:.2} | \
-             {course:.1} ± {course_sd:.1} | {nearest:.2} ± {nearest_sd:.2} | {questions} |",
-            policy.name(),
-            own.len()
+            "| {name} | {reached} of {all} | {time:.1} ± {time_sd:.1} | {risk:.3} ± {risk_sd:.3} | {high:.2} ± {high_sd:.2} | \
+             {course:.1} ± {course_sd:.1} | {nearest:.2} ± {nearest_sd:.2} | {questions} |"
         );
     }
     for other in policies.iter().filter(|policy| **policy != Policy::Planner) {

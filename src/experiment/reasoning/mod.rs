@@ -90,9 +90,8 @@ impl Args {
         if let Some(start) = self.starts.iter().find(bad) {
             return Err(Error::param("starts", format!("{start} is not a moment from 10 to {latest} s")));
         }
-        if self.starts.is_empty() {
-            return Err(Error::param("starts", "there is none; give a moment in seconds, such as 60"));
-        }
+        let reason = "there is none; give a moment in seconds, such as 60";
+        Error::ensure(!self.starts.is_empty(), "starts", || reason)?;
         Ok(())
     }
 }

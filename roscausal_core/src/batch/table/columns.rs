@@ -91,10 +91,9 @@ pub(super) fn check_names(names: &[String], at: &str) -> Result<(), String> {
             return Err(format!("{at}, column {}: the name is empty; name every column", column + 1));
         }
         if let Some(earlier) = places.insert(name, column).filter(|_| !name.is_empty()) {
+            let (first, second) = (earlier + 1, column + 1);
             return Err(format!(
-                "{at}: '{name}' names both column {} and column {}; give every column a name of its own",
-                earlier + 1,
-                column + 1
+                "{at}: '{name}' names both column {first} and column {second}; give every column a name of its own"
             ));
         }
     }
@@ -196,8 +195,7 @@ pub(super) fn one(header: &[String], name: &str) -> Result<usize, String> {
 }
 
 fn unknown(header: &[String], name: &str) -> String {
-    let hint = names::nearest(header, name).map_or(String::new(), |near| format!("did you mean '{near}'? "));
-    format!("there is no column '{name}'; {hint}columns: {}", header.join(", "))
+    format!("there is no column '{name}'; {}", names::instead(header, name, "columns:"))
 }
 
 /// Whether a name fits a pattern in which `*` stands for any text and `?` for one character.

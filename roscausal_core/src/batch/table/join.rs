@@ -126,10 +126,9 @@ fn span(parts: &[Part<'_>]) -> Result<[f64; 2], String> {
     let (Some(latest), Some(earliest)) = (latest, earliest) else { return Err("there are no files".into()) };
     let [from, to] = [latest.ends()[0], earliest.ends()[1]];
     if from >= to {
+        let (first, second) = (earliest.path.display(), latest.path.display());
         return Err(format!(
-            "{} ends at {to} s, before {} begins at {from} s; files of one recording need the same clock",
-            earliest.path.display(),
-            latest.path.display()
+            "{first} ends at {to} s, before {second} begins at {from} s; files of one recording need the same clock"
         ));
     }
     Ok([from, to])
@@ -144,10 +143,9 @@ fn short_names(parts: &[Part<'_>]) -> Result<Vec<String>, String> {
     let stems: Vec<String> = parts.iter().map(whole).collect();
     for (place, stem) in stems.iter().enumerate() {
         if let Some(other) = stems[..place].iter().position(|other| other == stem) {
+            let (first, second) = (parts[other].path.display(), parts[place].path.display());
             return Err(format!(
-                "{} and {} have the same name, after which their columns would be called; rename one of them",
-                parts[other].path.display(),
-                parts[place].path.display()
+                "{first} and {second} have the same name, after which their columns would be called; rename one of them"
             ));
         }
     }

@@ -290,10 +290,9 @@ impl<'a> Scene<'a> {
         let first = ((agent.start - self.start) / self.dt).ceil();
         let last = ((agent.end - self.start) / self.dt + 1e-6).floor();
         let rows = (last - first + 1.0).max(0.0);
-        if rows > MOST_ROWS {
-            let reason = format!("{rows} rows are too many; choose a longer step than {} s", self.dt);
-            return Err(Error::param("dt", reason));
-        }
+        Error::ensure(rows <= MOST_ROWS, "dt", || {
+            format!("{rows} rows are too many; choose a longer step than {} s", self.dt)
+        })?;
         let start_ns = ((self.start * 1e9).round() + first * step_ns) as i64;
         let stamps: Vec<i64> = (0..rows as usize).map(|row| start_ns + row as i64 * step_ns as i64).collect();
         let values = |of: &Agent| of.rows(&stamps, (self.max_gap * 1e9) as i64);

@@ -19,7 +19,7 @@ use faer::{
         cholesky::llt,
         matmul::triangular::{
             self,
-            BlockStructure::{Rectangular, TriangularLower},
+            BlockStructure::{self, Rectangular, TriangularLower},
         },
         triangular_inverse,
         triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place},
@@ -81,12 +81,7 @@ pub(super) fn solve<T: Real>(factor: MatRef<'_, T>, y: &mut [T]) {
 }
 
 /// `to -= a b'`
-fn subtract<T: Real>(
-    to: MatMut<'_, T>,
-    part: triangular::BlockStructure,
-    a: MatRef<'_, T>,
-    b: MatRef<'_, T>,
-) {
+fn subtract<T: Real>(to: MatMut<'_, T>, part: BlockStructure, a: MatRef<'_, T>, b: MatRef<'_, T>) {
     let minus = T::from_double(-1.0);
     triangular::matmul(to, part, Accum::Add, a, Rectangular, b.transpose(), Rectangular, minus, Par::Seq);
 }

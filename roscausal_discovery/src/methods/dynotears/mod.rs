@@ -129,17 +129,11 @@ impl DynotearsSettings {
         }
         let wrong =
             |link: &&(usize, usize, usize)| link.0 >= n_vars || link.1 >= n_vars || link.2 > self.tau_max;
-        match self.excluded.iter().find(wrong) {
-            Some((cause, effect, lag)) => Err(Error::param(
-                "excluded",
-                format!(
-                    "link {cause} -> {effect} at lag {lag}: variables are 0 to {}, lags 0 to {}",
-                    n_vars - 1,
-                    self.tau_max
-                ),
-            )),
-            None => Ok(()),
-        }
+        let Some((cause, effect, lag)) = self.excluded.iter().find(wrong) else { return Ok(()) };
+        let (last, most) = (n_vars - 1, self.tau_max);
+        let reason =
+            format!("link {cause} -> {effect} at lag {lag}: variables are 0 to {last}, lags 0 to {most}");
+        Err(Error::param("excluded", reason))
     }
 }
 

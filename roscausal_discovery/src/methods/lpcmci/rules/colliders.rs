@@ -1,6 +1,6 @@
 //! The rules that find colliders in unshielded triples, and those that first test what is not final yet (R0a to R0d).
 
-use super::Proposals;
+use super::{Proposals, triangles::both_ways};
 use crate::{
     methods::lpcmci::{
         graph::{Link, Middle, Pair, before},
@@ -69,13 +69,6 @@ pub(super) fn r0d(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Prop
         }
     }
     Ok(proposals)
-}
-
-/// Unshielded triples in both directions, with the links A-B and B-C.
-fn both_ways(search: &Search<'_, '_>) -> Vec<([Node; 3], [Link; 2])> {
-    let turned = search.graph.unshielded().into_iter().flat_map(|[a, b, c]| [[a, b, c], [c, b, a]]);
-    let links = |[a, b, c]: [Node; 3]| Some([search.graph.get(a, b)?, search.graph.get(b, c)?]);
-    turned.filter_map(|triple| Some((triple, links(triple)?))).collect()
 }
 
 /// B o!+ C: no set of C's parents separates them.

@@ -9,9 +9,11 @@ use crate::{
     },
 };
 
-/// Triples A, B, C of neighbours within one window, in both directions, with whether A and C are adjacent.
-fn unshielded_both_ways(search: &Search<'_, '_>) -> Vec<[Node; 3]> {
-    search.graph.unshielded().into_iter().flat_map(|[a, b, c]| [[a, b, c], [c, b, a]]).collect()
+/// Unshielded triples in both directions, with the links A-B and B-C.
+pub(super) fn both_ways(search: &Search<'_, '_>) -> Vec<([Node; 3], [Link; 2])> {
+    let turned = search.graph.unshielded().into_iter().flat_map(|[a, b, c]| [[a, b, c], [c, b, a]]);
+    let links = |[a, b, c]: [Node; 3]| Some([search.graph.get(a, b)?, search.graph.get(b, c)?]);
+    turned.filter_map(|triple| Some((triple, links(triple)?))).collect()
 }
 
 /// Triples A, B, C, all adjacent, within one window, the latest at lag 0, whose links A-B and B-C fit, with the nodes A and C and
@@ -40,8 +42,7 @@ pub(super) fn may_orient(a: Node, b: Node, only_lagged: bool) -> bool {
 /// A **> B o*+ C, unshielded, B in the separating sets: B --> C.
 pub(super) fn r1(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
     let mut proposals = Proposals::default();
-    for [a, b, c] in unshielded_both_ways(search) {
-        let (Some(ab), Some(bc)) = (search.graph.get(a, b), search.graph.get(b, c)) else { continue };
+    for ([a, b, c], [ab, bc]) in both_ways(search) {
         let fits = ab.right == Head && bc.left == Circle && matches!(bc.right, Circle | Head);
         if fits && may_orient(b, c, only_lagged) && search.separates_with(b, a, c)? {
             proposals.tail(b, c);
