@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._native import DataError, SettingError
-from .admg import Adjustment, Graph, Node
+from ._admg import Adjustment, Graph, Node
 from .data_processing import bootstrapped
 from .models import slopes
 from .refusal import NotCovered, not_covered
@@ -61,7 +61,8 @@ class CausalEffects:
         hidden_variables: Sequence[Node] | None = None, check_SM_overlap: bool = True, verbosity: int = 0,
     ) -> None:  # fmt: skip
         if graph_type not in MARKS:
-            raise NotCovered(f"graph_type='{graph_type}' is not covered by roscausal, which has {', '.join(MARKS)}; tigramite.causal_effects takes our frames")
+            known = ", ".join(MARKS)
+            raise NotCovered(f"graph_type='{graph_type}' is not covered by roscausal, which has {known}; tigramite's takes our frames")
         marks = np.asarray(graph)
         if marks.ndim != 2 + (graph_type == "stationary_dag"):
             raise SettingError(f"setting 'graph': its shape {marks.shape} is none of graph_type='{graph_type}'")

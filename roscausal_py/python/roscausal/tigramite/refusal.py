@@ -51,4 +51,4 @@ def refused(module: str, name: str) -> type:
     def refuse(*_: Any, **__: Any) -> None:
         missing(module, name)(name)
 
-    return type(name, (), {"__init__": refuse, "__module__": module, "__doc__": f"Not covered: `{name}` is the reference's alone."})
+    return type(name, (), {"__init__": refuse, "__doc__": f"Not covered: `{name}` is the reference's alone."})
