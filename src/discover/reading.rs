@@ -116,7 +116,6 @@ impl ReadArgs {
         }
         let reason = "give a number of seconds above 0";
         Error::ensure(dt.is_none_or(|dt| dt > 0.0 && dt.is_finite()), "dt", || reason)?;
-        let reason = "give a number of seconds above 0";
         Error::ensure(self.max_gap.is_none_or(|gap| gap > 0.0), "max-gap", || reason)?;
         // Of a recording, the node has made the variables.
         let is_table = |file: &Input| !file.is_recorded();
