@@ -68,7 +68,8 @@ impl Metadata {
         let path = self.path.display();
         let is_missing = "a part of the recording, is missing; its messages are left out";
         let sentence = |name: &String| format!("{path}: {name}, {is_missing}");
-        let unreadable = format!("{path}: it is no list of rosbag2, so whether a part is missing is not known");
+        let unreadable =
+            format!("{path}: it is no list of rosbag2, so whether a part is missing is not known");
         let missing = self.files.iter().filter(|name| !there(name)).map(sentence);
         self.unreadable.then_some(unreadable).into_iter().chain(missing).collect()
     }
