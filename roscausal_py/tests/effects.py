@@ -184,6 +184,7 @@ def test_what_is_not_covered_is_refused_by_its_name():
     circle = np.array([["", "-->", "<--"], ["<--", "", "-->"], ["-->", "<--", ""]])
     for given in (
         {"X": [(2, -1)]}, {"X": [(0, 1)]}, {"X": [(1, 0)]}, {"X": []}, {"graph_type": "dag"}, {"S": [(1, 0)]}, {"hidden_variables": [(0, -1)]},
+        {"X": (0, -1)}, {"graph": graph[:1]}, {"graph": np.array([["", "-->"], ["", ""]]), "graph_type": "dag", "X": [(0, 0)]},
         {"graph": np.full((2, 2, 2), "o-o")}, {"graph": circle, "graph_type": "dag", "X": [(0, 0)]},
     ):  # fmt: skip
         with pytest.raises(ValueError, match="setting"):

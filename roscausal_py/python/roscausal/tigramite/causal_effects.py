@@ -64,13 +64,19 @@ class CausalEffects:
             known = ", ".join(MARKS)
             raise NotCovered(f"graph_type='{graph_type}' is not covered by roscausal, which has {known}; tigramite's takes our frames")
         marks = np.asarray(graph)
-        if marks.ndim != 2 + (graph_type == "stationary_dag"):
+        if marks.ndim != 2 + (graph_type == "stationary_dag") or len(set(marks.shape[:2])) > 1:
             raise SettingError(f"setting 'graph': its shape {marks.shape} is none of graph_type='{graph_type}'")
         if others := sorted(set(map(str, np.unique(marks))) - MARKS[graph_type] - {""}):
             raise SettingError(f"setting 'graph': {others[0]} is no mark of graph_type='{graph_type}'")
         marks = marks if marks.ndim == 3 else marks[:, :, np.newaxis]
+        back = np.vectorize(lambda mark: mark[::-1].translate(str.maketrans("<>", "><")), otypes=["U3"])
+        if np.any(back(marks[:, :, 0]) != marks[:, :, 0].T):
+            raise SettingError("setting 'graph': at lag 0 a pair has one mark from one side and another from the other")
         self.N: int = len(marks)
-        self.X, self.Y, self.S, hidden = ([(int(i), int(lag)) for i, lag in of or ()] for of in (X, Y, S, hidden_variables))
+        try:
+            self.X, self.Y, self.S, hidden = ([(int(i), int(lag)) for i, lag in of or ()] for of in (X, Y, S, hidden_variables))
+        except (TypeError, ValueError):
+            raise SettingError("setting 'X': X, Y, S and hidden_variables are lists of nodes [(i, -lag), ..]") from None
         named = self.X + self.Y + self.S
         if not (self.X and self.Y) or len({*named, *hidden}) < len(named) + len(set(hidden)) or any(
             not 0 <= i < self.N or lag > 0 or (lag < 0 and graph_type != "stationary_dag") for i, lag in named + hidden
@@ -243,9 +249,13 @@ class CausalEffects:
     ) -> Any:
         if dataframe.N != self.N:
             raise DataError(f"the graph has {self.N} variables, the data {dataframe.N}")
-        return dataframe.construct_array(
+        found = dataframe.construct_array(
             X=x, Y=y, Z=z, extraZ=more, tau_max=self.tau_max, mask_type=mask_type, cut_off="tau_max", do_checks=False
         )
+        nodes, samples = found[0].shape
+        if samples <= nodes:
+            raise DataError(f"{samples} samples are too few for a regression among {nodes} nodes; record longer")
+        return found
 
     get_graph_from_dict = staticmethod(graph_of_links)
 
