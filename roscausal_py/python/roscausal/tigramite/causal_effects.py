@@ -94,7 +94,19 @@ class CausalEffects:
         self.M, self.no_causal_path = self._sets.mediators, not self._sets.between
         if overlap := {*self.S} & self._sets.forbidden:
             raise SettingError(f"setting 'S': X may drive {min(overlap)} by way of Y or M; take conditions before them")
-        self.graph = _drawn(nodes, self.N, self.tau_max)
+
+    @property
+    def graph(self) -> NDArray[np.str_]:
+        """Marks (N, N, tau_max + 1, tau_max + 1) as [from, to, lag of from, lag of to], without the hidden variables."""
+        marks = np.full((self.N, self.N, self.tau_max + 1, self.tau_max + 1), "", dtype="<U3")
+        for (i, a), others in self._nodes.children.items():
+            for j, b in others:
+                both = (j, b) in self._nodes.siblings[i, a]
+                marks[i, j, -a, -b], marks[j, i, -b, -a] = ("+->", "<-+") if both else ("-->", "<--")
+        for (i, a), others in self._nodes.siblings.items():
+            for j, b in others:
+                marks[i, j, -a, -b] = marks[i, j, -a, -b] or "<->"
+        return marks
 
     def get_optimal_set(
         self, alternative_conditions: None = None, minimize: Least = False, return_separate_sets: bool = False
@@ -108,8 +120,10 @@ class CausalEffects:
         if not self._sets.identified:
             return False
         parents, more = self._sets.optimal()
-        if minimize:
-            more = self._sets.least(more, parents) if minimize == "colliders_only" else self._sets.least(parents | more) - (parents := set())
+        if minimize == "colliders_only":
+            more = self._sets.least(more, parents)
+        elif minimize:
+            parents, more = set(), self._sets.least(parents | more)
         return sorted({*parents, *more, *self.S})
 
     def _get_adjust_set(self) -> list[Node] | bool:
@@ -159,9 +173,12 @@ class CausalEffects:
 
         Args:
             conditions_data: S of each row, (n, len(S)).
-            intervention_type: "soft": to add to X instead.
+            pred_params: Keywords of the regressor's `predict`.
         """
-        not_covered(return_further_pred_results=return_further_pred_results, transformed=transform_interventions_and_prediction)
+        not_covered(
+            return_further_pred_results=return_further_pred_results,
+            transform_interventions_and_prediction=transform_interventions_and_prediction,
+        )
         if intervention_type != "hard":
             raise NotCovered(f"intervention_type='{intervention_type}' is not covered by roscausal.tigramite; it has 'hard'")
         imposed = self._values("intervention_data", intervention_data, len(self.X))
@@ -276,16 +293,3 @@ def _unrolled(marks: NDArray[Any], window: int) -> Graph:
             if marks[i, j, lag] != "-->":
                 graph.both(*nodes)
     return graph
-
-
-def _drawn(nodes: Graph, n: int, window: int) -> NDArray[np.str_]:
-    """Marks (N, N, window + 1, window + 1) as [from, to, lag of from, lag of to]."""
-    marks = np.full((n, n, window + 1, window + 1), "", dtype="<U3")
-    for (i, a), others in nodes.children.items():
-        for j, b in others:
-            both = (j, b) in nodes.siblings[i, a]
-            marks[i, j, -a, -b], marks[j, i, -b, -a] = ("+->", "<-+") if both else ("-->", "<--")
-    for (i, a), others in nodes.siblings.items():
-        for j, b in others:
-            marks[i, j, -a, -b] = marks[i, j, -a, -b] or "<->"
-    return marks
