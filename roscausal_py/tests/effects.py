@@ -154,6 +154,26 @@ def test_random_graphs_with_hidden_causes_have_the_references_sets_and_effects()
     assert adjusting >= 20, adjusting
 
 
+def test_what_lies_before_the_window_is_a_hidden_cause_as_in_the_reference():
+    compared = 0
+    for seed in range(70):
+        random = np.random.default_rng(seed)
+        order = random.permutation(3).tolist()
+        at_once = {(i, j) for i, j in itertools.combinations(order, 2) if random.random() < 0.25}
+        lagged = [(i, j, lag) for i, j, lag in itertools.product(range(3), range(3), (1, 2)) if random.random() < (0.6 if i == j else 0.2)]
+        links = {j: [(i, 0) for i in range(3) if (i, j) in at_once] + [(i, -lag) for i, effect, lag in lagged if effect == j] for j in range(3)}
+        x, y = [(order[0], -int(random.integers(3)))], [(order[int(random.integers(1, 3))], 0)]
+        found = []
+        for package in ("roscausal.tigramite", "tigramite"):
+            module = pytest.importorskip(f"{package}.causal_effects").CausalEffects
+            one = module(module.get_graph_from_dict(links, tau_max=2), graph_type="stationary_dag", X=x, Y=y)
+            sets = [] if one.no_causal_path else [one.get_optimal_set(minimize=how) for how in (False, "colliders_only", True)]
+            found.append([one.graph.tolist(), [{(int(i), int(lag)) for i, lag in nodes} for nodes in sets]])
+        assert found[0] == found[1], (seed, links, x, y)
+        compared += bool(found[0][1])
+    assert compared >= 20, compared
+
+
 @pytest.mark.parametrize("how", ["minimized_optimal", [(0, 0)]])
 def test_other_sets_are_taken_and_checked(how):
     ours = pytest.importorskip("roscausal.tigramite.causal_effects").CausalEffects

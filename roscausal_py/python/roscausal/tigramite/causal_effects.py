@@ -83,13 +83,19 @@ class CausalEffects:
         ):  # fmt: skip
             raise SettingError("setting 'X': X, Y, S and hidden_variables are different nodes (i, -lag) of the graph")
         self.tau_max = marks.shape[2] - 1 - min(lag for _, lag in named)
-        nodes = _unrolled(marks, self.tau_max)
+        # What lies before the window is a hidden cause of what lies at its border. So far back paths go that lead twice through each variable.
+        before = 2 * self.N * (marks.shape[2] - 1)
+        nodes = _unrolled(marks, self.tau_max + before)
         for node in hidden:
             nodes.hide(node)
+        self._has_hidden_causes = any(nodes.siblings.values())
         try:
             TopologicalSorter(nodes.parents).prepare()
         except CycleError:
             raise SettingError("setting 'graph': its arrows go round in a circle") from None
+        for lag in range(self.tau_max + before, self.tau_max, -1):
+            for var in range(self.N):
+                nodes.hide((var, -lag))
         self._nodes, self._sets = nodes, Adjustment(nodes, {*self.X}, {*self.Y}, {*self.S})
         self.M, self.no_causal_path = self._sets.mediators, not self._sets.between
         if overlap := {*self.S} & self._sets.forbidden:
@@ -206,7 +212,7 @@ class CausalEffects:
             mediation: None: all paths; "direct": the links from X to Y; nodes: the paths through any of them.
         """
         not_covered(links_coeffs=links_coeffs, data_transform=data_transform, S=self.S or None)
-        if method != "parents" or len(self.Y) > 1 or any(self._nodes.siblings.values()):
+        if method != "parents" or len(self.Y) > 1 or self._has_hidden_causes:
             raise NotCovered("roscausal.tigramite adds up paths with method='parents' to one effect in a graph of --> alone")
         coefficients = {}
         for j, time in (node for node in {*self.M, *self.Y} if not self.no_causal_path):
