@@ -2,9 +2,9 @@
 # packaging/release.sh --dry-run [--only PART]: makes what a release consists of, into dist/, with checksums. Publishes nothing.
 # PART is one of
 #   sdist    the Python package as source
-#   wheel    the Python package for x86_64, built from this source
-#   aarch64  the same for 64-bit ARM, cross-built (needs rustup)
-#   deb      the command for Debian and Ubuntu
+#   wheel    the Python package for this kind of processor, built from this source
+#   deb      the command for Debian and Ubuntu, for this kind of processor
+#   aarch64  both for 64-bit ARM, cross-built (needs rustup)
 #   source   the repository with all crates that it needs: builds without a network
 #   rosdebian  folders debian/ for ROS 2 humble and jazzy, to be laid over that source
 #   crates   the crates as crates.io would get them; they are checked, and stay in target/package
@@ -17,9 +17,9 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . tests/lib.sh
-target=x86_64-unknown-linux-gnu
+target=$(uname -m)-unknown-linux-gnu
 
-parts=(sdist wheel aarch64 deb source rosdebian crates semver sbom plan)
+parts=(sdist wheel deb aarch64 source rosdebian crates semver sbom plan)
 usage() { echo "usage: packaging/release.sh --dry-run [--only $(IFS='|'; echo "${parts[*]}")]" >&2; exit 2; }
 only= dry=
 while [ $# -gt 0 ]; do
@@ -69,6 +69,7 @@ wheel() { wheel_of $target; }
 aarch64() {
   rustup target add aarch64-unknown-linux-gnu >/dev/null 2>&1 || give_up "rustup cannot add aarch64-unknown-linux-gnu"
   wheel_of aarch64-unknown-linux-gnu
+  deb_of aarch64-unknown-linux-gnu
 }
 
 # maturin leaves out what the package does not need, but not the line that takes rustdds from third_party/, where then is none; and
@@ -92,16 +93,17 @@ archive() { tar --sort=name --mtime="@$SOURCE_DATE_EPOCH" --owner=0 --group=0 --
 # The command with the list of its crates inside (`cargo audit bin` reads it), and with Parquet and Arrow (tests/recordings.sh tests
 # them): who installs a package cannot build a feature.
 audited() {
-  zig
-  tool auditable 0.7.7
-  cargo auditable zigbuild --quiet --release --locked -p roscausal --features columnar --bin roscausal --target $target.2.28
+  cargo auditable zigbuild --quiet --release --locked -p roscausal --features columnar --bin roscausal --target "$1.2.28"
 }
 
-deb() {
+# deb_of TARGET: the package for this kind of machine. What its program would write of itself, this machine's program writes.
+deb_of() {
+  zig
+  tool auditable 0.7.7
   tool deb 3.8.0
-  audited
-  local made=target/package program
-  program=${CARGO_TARGET_DIR:-target}/$target/release/roscausal
+  audited "$1"
+  local made=target/package program=${CARGO_TARGET_DIR:-target}/$target/release/roscausal
+  [ -x "$program" ] || audited "$target"
   rm -rf $made/man $made/completions
   mkdir -p $made/completions
   "$program" man $made/man
@@ -112,8 +114,10 @@ deb() {
   gzip -9nc CHANGELOG.rst >$made/changelog.gz
   printf 'roscausal (%s-1) unstable; urgency=medium\n\n  * Version %s; changelog.gz says what is new.\n\n -- %s  %s\n' "$version" "$version" \
     "$(sed -n 's/^maintainer = "\(.*\)"/\1/p' Cargo.toml)" "$(date -R -u -d "@$SOURCE_DATE_EPOCH")" >$made/changelog.Debian
-  cargo deb --quiet --locked --no-build --target $target -p roscausal --output dist/
+  cargo deb --quiet --locked --no-build --target "$1" -p roscausal --output dist/
 }
+
+deb() { deb_of "$target"; }
 
 # Debian's tools delete files that look like leftovers (dh_clean), so the crates lose theirs, and the word of them.
 source_archive() {

@@ -7,6 +7,7 @@
 #   wheel    in a clean environment of each Python 3.10 to 3.13 that is here: numpy alone, README's lines, the same model everywhere
 #   deb      lintian; a minimal Debian: installed, the demo as a user, purged without a trace
 #   image    the steps of the Dockerfile's second stage, in the same minimal Debian
+#   aarch64  the command for 64-bit ARM, by qemu with the libraries of Debian's arm64: the demo, and the bytes of its runs
 #   offline  the vendored source builds with CMake where there is no network (with Debian's catkin, or the shell's ROS)
 # Ends with 'N passed, N failed'. Exit 77 when the tools cannot be had.
 set -uo pipefail
@@ -14,7 +15,7 @@ cd "$(dirname "$0")/.."
 . tests/lib.sh
 
 parts=("$@")
-[ $# -gt 0 ] || parts=(files rosdebian plan wheel deb image offline)
+[ $# -gt 0 ] || parts=(files rosdebian plan wheel deb image aarch64 offline)
 version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' Cargo.toml)
 work=$(mktemp -d)
 trap 'rm -rf --one-file-system "$work"' EXIT
@@ -48,7 +49,7 @@ old_enough() {
 files() {
   check "checksums fit" sh -c 'cd dist && sha256sum --check --quiet SHA256SUMS'
   local wheel sbom
-  wheel=$(made "roscausal-$version-*manylinux_2_28_x86_64.whl") || exit 1
+  wheel=$(made "roscausal-$version-*manylinux_2_28_$(uname -m).whl") || exit 1
   check "the wheel has at most 10 MB" test "$(stat -c %s "$wheel")" -le 10000000
   check "the wheel carries the licences" sh -c "unzip -l '$wheel' | grep -c 'licenses/.*LICENSE-' | grep -qx 2"
   unzip -qo "$wheel" -d "$work/wheel"
@@ -103,7 +104,7 @@ found() {
 
 wheel() {
   local wheel python venv here=()
-  wheel=$(made "roscausal-$version-*manylinux_2_28_x86_64.whl") || exit 1
+  wheel=$(made "roscausal-$version-*manylinux_2_28_$(uname -m).whl") || exit 1
   # The first lines of Python in the package's README, and what the demo's model is.
   awk '/^```python/ { on = 1; next } /^```/ { if (on) exit } on' roscausal_py/README.md >"$work/readme.py"
   grep -q rc.demo "$work/readme.py" || broken "the README of the package does not begin with the demo"
@@ -141,7 +142,7 @@ state() {
 
 deb() {
   local package
-  package=$(made "roscausal_$version-*_amd64.deb") || exit 1
+  package=$(made "roscausal_$version-*_$(dpkg --print-architecture).deb") || exit 1
   command -v lintian >/dev/null || debian lintian
   # Its one remark left out: that an upload to Debian's archive should close a bug there.
   check "lintian has no remarks" lintian --fail-on error,warning --suppress-tags initial-upload-closes-no-bugs --allow-root "$package"
@@ -161,7 +162,7 @@ deb() {
 
 image() {
   local package
-  package=$(made "roscausal_$version-*_amd64.deb") || exit 1
+  package=$(made "roscausal_$version-*_$(dpkg --print-architecture).deb") || exit 1
   minimal
   cp -a "$root" "$work/image"
   cp "$package" "$work/image/tmp/"
@@ -174,6 +175,21 @@ image() {
   check "ENTRYPOINT discovers in a folder of the user's" chroot --userspec="$(sed -n 's/^USER //p' Dockerfile)" "$work/image" sh -c \
     'cd /data && roscausal demo --out demo && roscausal discover demo/pp_pool/analysed/*.csv --out model'
   check "and leaves a model" test -s "$work/image/data/model/model.json"
+}
+
+aarch64() {
+  local package debian_arm=target/minimal-debian-arm64
+  package=$(made "roscausal_$version-*_arm64.deb") || exit 1
+  command -v qemu-aarch64 >/dev/null || debian qemu-user
+  command -v debootstrap >/dev/null || debian debootstrap
+  # Unpacked and not set up, which would need to run its programs: the libraries are there.
+  [ -e $debian_arm/complete ] || debootstrap --foreign --arch=arm64 --variant=minbase bookworm $debian_arm >"$work/log" 2>&1 && touch $debian_arm/complete ||
+    give_up "debootstrap cannot fetch Debian's arm64"
+  dpkg-deb -x "$package" "$work/arm"
+  check "it runs on glibc 2.28" old_enough "$work/arm/usr/bin/roscausal"
+  check "the demo runs" qemu-aarch64 -L $debian_arm "$work/arm/usr/bin/roscausal" demo --out "$work/demo"
+  check "and leaves the model and its pictures" test -s "$work/demo/model.json" -a -s "$work/demo/dag.png"
+  check "its bytes are those of this machine" tests/processors.sh "qemu-aarch64 -L $debian_arm $work/arm/usr/bin/roscausal"
 }
 
 offline() {

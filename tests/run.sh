@@ -26,7 +26,7 @@ lane() {
   for script in "$@"; do run "$script" "$script" | sed -u "s|^|$(basename "$script" .sh): |"; done
 }
 
-computing=(tests/python.sh tests/gpdc_python.sh tests/recordings.sh tests/tcdf.sh tests/rustdds.sh tests/lint.sh)
+computing=(tests/python.sh tests/gpdc_python.sh tests/recordings.sh tests/tcdf.sh tests/rustdds.sh tests/processors.sh tests/lint.sh)
 waiting=(tests/interop/ros2.sh tests/soak.sh)
 waiting_too=(tests/interop/ros1.sh tests/docs.sh tests/browser.sh tests/security.sh tests/safety.sh)
 # A compiler waits for the disk now and then.

@@ -52,7 +52,7 @@ impl Operator {
             Self::Minus => a - b,
             Self::Times => a * b,
             Self::Over => a / b,
-            Self::Power => a.powf(b),
+            Self::Power => libm::pow(a, b),
             Self::Less => truth(a < b),
             Self::AtMost => truth(a <= b),
             Self::More => truth(a > b),
@@ -70,21 +70,21 @@ type Named = (&'static str, fn(f64) -> f64);
 pub(crate) const FUNCTIONS: [Named; 12] = [
     ("abs", f64::abs),
     ("sqrt", f64::sqrt),
-    ("exp", f64::exp),
-    ("log", f64::ln),
+    ("exp", libm::exp),
+    ("log", libm::log),
     ("sign", |x| if x == 0.0 { x } else { x.signum() }),
     ("round", f64::round),
     ("tanh", f64::tanh),
     ("tan", f64::tan),
-    ("log10", f64::log10),
-    ("sin", f64::sin),
-    ("cos", f64::cos),
+    ("log10", libm::log10),
+    ("sin", libm::sin),
+    ("cos", libm::cos),
     ("wrap", wrap),
 ];
 
 /// The angle between -pi and pi.
 pub(crate) fn wrap(angle: f64) -> f64 {
-    angle.sin().atan2(angle.cos())
+    libm::atan2(libm::sin(angle), libm::cos(angle))
 }
 
 /// The definitions in a list that may have been cut at commas: an item that does not begin one continues the one before. Those in one

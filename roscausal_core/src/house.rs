@@ -126,7 +126,7 @@ fn along([a, b]: &[[f64; 2]; 2], p: [f64; 2]) -> (f64, f64) {
     let square = way[0] * way[0] + way[1] * way[1];
     let share =
         if square > 0.0 { ((offset[0] * way[0] + offset[1] * way[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
-    (share, (offset[0] - share * way[0]).hypot(offset[1] - share * way[1]))
+    (share, libm::hypot(offset[0] - share * way[0], offset[1] - share * way[1]))
 }
 
 /// A house whose days are added while somebody asks: a map, a model, and a folder with a table for each day, in order of their names.

@@ -1,6 +1,8 @@
 //! The core of ROS-Causal: the four nodes, the batches that they record and analyse, and the trait that connects nodes
 //! to a middleware. Nothing here knows ROS, a network or the wall clock: time is an argument.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod batch;
 pub mod bounded;
 pub mod conformance;

@@ -66,7 +66,7 @@ impl Effort {
             _ => RANKED_S * n,
         };
         let of_pair_in_filter = match (settings.method, settings.te_estimator) {
-            (Method::Fpcmci, TeEstimator::Kraskov) => 1e-5 * n * n.max(2.0).log2(),
+            (Method::Fpcmci, TeEstimator::Kraskov) => 1e-5 * n * libm::log2(n.max(2.0)),
             (Method::Fpcmci, _) => RANKED_S * n,
             _ => 0.0,
         };

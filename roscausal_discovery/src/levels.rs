@@ -145,12 +145,12 @@ fn scales_differ(data: &DataFrame, var: usize, runs: &[usize]) -> bool {
         let (mean, deviation) = moments(values);
         let fourth =
             values.iter().map(|v| ((v - mean) / deviation).powi(4)).sum::<f64>() / values.len() as f64;
-        (deviation.ln(), (fourth - 1.0).max(0.5) / (4.0 * effective(values)))
+        (libm::log(deviation), (fourth - 1.0).max(0.5) / (4.0 * effective(values)))
     };
     let of: Vec<(f64, f64)> =
         of_runs(data, var, runs).iter().map(of).filter(|(scale, _)| scale.is_finite()).collect();
     let ends = of.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), (s, _)| (a.min(*s), b.max(*s)));
-    ends.1 - ends.0 > ANOTHER_SCALE.ln() && differ(&of)
+    ends.1 - ends.0 > libm::log(ANOTHER_SCALE) && differ(&of)
 }
 
 /// Gives a variable the mean (and the standard deviation) of all in each run.

@@ -75,6 +75,7 @@
 //! threads. Tests run in the current `rayon` pool.
 
 #![warn(missing_docs)]
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 // Its macros are for all that follow.
 #[macro_use]

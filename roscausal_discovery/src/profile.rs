@@ -173,7 +173,7 @@ impl DataProfile {
 
 /// What so few samples can show: the correlation that a two-sided test at 5 % needs (Fisher's z).
 fn few(samples: usize) -> String {
-    let needed = (1.96 / (samples.max(4) as f64 - 3.0).sqrt()).tanh();
+    let needed = libm::tanh(1.96 / (samples.max(4) as f64 - 3.0).sqrt());
     format!(
         "only {samples} samples: a dependence shows only if it is stronger than about {needed:.2}, and p-values near the level \
          say little; record longer"

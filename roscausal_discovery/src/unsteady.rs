@@ -66,7 +66,7 @@ impl Unsteady {
         let pairs =
             (0..n).flat_map(|cause| (0..n).map(move |effect| (cause, effect))).filter(|(a, b)| a != b);
         let tests = (n * n.saturating_sub(1) * tau_max) as f64;
-        let critical = KPSS_1_PERCENT + KPSS_DECADE * (0.01 * tests / LEVEL).log10();
+        let critical = KPSS_1_PERCENT + KPSS_DECADE * libm::log10(0.01 * tests / LEVEL);
         let of_pair = |(cause, effect): (usize, usize)| {
             let changes = (1..=tau_max.min(rows / 4))
                 .filter_map(|lag| change(&fresh[cause], &fresh[effect], lag, critical));

@@ -43,7 +43,7 @@ impl Approach {
                 (size * along - across.abs() * distance) / (size * size + distance * distance).sqrt();
             exponent += relative / distance + to_side;
         }
-        exponent.exp()
+        libm::exp(exponent)
     }
 }
 

@@ -30,7 +30,7 @@ impl Vec2 {
 
     /// The vector of length `r` in the direction `angle`.
     pub fn polar(r: f64, angle: f64) -> Self {
-        Self { x: r * angle.cos(), y: r * angle.sin() }
+        Self { x: r * libm::cos(angle), y: r * libm::sin(angle) }
     }
 
     /// Scalar product.
@@ -55,7 +55,7 @@ impl Vec2 {
 
     /// Direction in (-pi, pi]; 0 for the zero vector.
     pub fn angle(self) -> f64 {
-        self.y.atan2(self.x)
+        libm::atan2(self.y, self.x)
     }
 
     /// The vector of length 1 in the same direction. Zero stays zero.

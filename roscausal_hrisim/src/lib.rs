@@ -4,6 +4,8 @@
 //! [`Simulation`] is the world without clock, input or output: a [`Scenario`] and a seed, stepped at 25 Hz.
 //! [`node`] publishes it on any middleware.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod collision;
 pub mod day;
 pub mod geometry;

@@ -167,7 +167,7 @@ impl Person {
             (None, Some(v)) => (v, error / (2.0 * dt)),
             (None, None) if !self.params.slows_in_turns => (wish.v, error / (2.0 * dt)),
             (None, None) if error.abs() > self.params.turn_in_place => (0.0, error / (2.0 * dt)),
-            (None, None) => (wish.v * error.cos().max(0.0), error / (2.0 * dt)),
+            (None, None) => (wish.v * libm::cos(error).max(0.0), error / (2.0 * dt)),
         };
         self.v += (v - self.v).clamp(-self.params.braking * dt, self.params.acceleration * dt);
         let keeps_speed = imposed.is_some() || !self.params.slows_in_turns;
@@ -192,7 +192,7 @@ impl Person {
 
     fn wish(&mut self, dt: f64, step: u64, world: &World, others: &[Body]) -> Wish {
         let p = &self.params;
-        let keep = (-dt / p.pace_time).exp();
+        let keep = libm::exp(-dt / p.pace_time);
         self.pace = keep * self.pace + (1.0 - keep * keep).sqrt() * self.rng.normal();
         let target = Navigator::next(&mut self.navigator, world, self.position, self.goal, step);
         let mut heading = (target - self.position).angle();
@@ -244,7 +244,7 @@ impl Person {
         let bearing = (centre - self.position).angle();
         let off_straight = wrap(straight - bearing);
         let side = *self.side.get_or_insert(if off_straight < 0.0 { -1.0 } else { 1.0 });
-        bearing + side * (1.02 * radius / distance).min(1.0).asin()
+        bearing + side * libm::asin((1.02 * radius / distance).min(1.0))
     }
 }
 

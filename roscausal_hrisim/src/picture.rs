@@ -166,7 +166,7 @@ fn clock(frames: usize, length: f64, y: f64) -> String {
 /// A bar of 1, 2 or 5 times a power of ten metres, up to a quarter of the picture; its right end is at `x`.
 fn bar(scale: f64, x: f64, y: f64) -> String {
     let most = SIZE / 4.0 / scale;
-    let power = 10_f64.powf(most.log10().floor());
+    let power = libm::pow(10_f64, libm::log10(most).floor());
     let metres =
         [5.0, 2.0, 1.0].map(|by| by * power).into_iter().find(|metres| *metres <= most).unwrap_or(power);
     let left = x - metres * scale;

@@ -58,7 +58,7 @@ impl Rng {
             let (u, v) = (self.uniform(-1.0, 1.0), self.uniform(-1.0, 1.0));
             let s = u * u + v * v;
             if s > 0.0 && s < 1.0 {
-                let factor = (-2.0 * s.ln() / s).sqrt();
+                let factor = (-2.0 * libm::log(s) / s).sqrt();
                 self.spare = Some(v * factor);
                 return u * factor;
             }
@@ -67,7 +67,7 @@ impl Rng {
 
     /// Poisson with the given mean, by the multiplication method, which suits small means.
     pub fn poisson(&mut self, mean: f64) -> usize {
-        let limit = (-mean).exp();
+        let limit = libm::exp(-mean);
         let mut product = self.unit();
         let mut count = 0;
         while product > limit {

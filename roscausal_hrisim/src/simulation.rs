@@ -292,7 +292,7 @@ impl Simulation {
         let own = person.v / 10.0;
         let distance = |robot: &&Robot| robot.position.distance(person.position);
         let nearest = self.robots.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        nearest.map_or(own.exp(), |robot| {
+        nearest.map_or(libm::exp(own), |robot| {
             person.approach(robot.position, robot.velocity()).risk(own, size, safe_distance)
         })
     }

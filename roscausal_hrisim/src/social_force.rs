@@ -58,9 +58,9 @@ pub fn social(offset: Vec2, v_rel: Vec2, distance_factor: f64) -> Vec2 {
     if (N * b * (1.0 - dot)).powi(2) + decay > NEGLIGIBLE {
         return Vec2::ZERO;
     }
-    let theta = cross.atan2(dot);
-    let slowing = (-decay - (N_PRIME * b * theta).powi(2)).exp();
-    let turning = (-decay - (N * b * theta).powi(2)).exp();
+    let theta = libm::atan2(cross, dot);
+    let slowing = libm::exp(-decay - (N_PRIME * b * theta).powi(2));
+    let turning = libm::exp(-decay - (N * b * theta).powi(2));
     let side = if theta < 0.0 { -1.0 } else { 1.0 };
     t * -slowing + t.left() * (-side * turning)
 }
@@ -68,7 +68,7 @@ pub fn social(offset: Vec2, v_rel: Vec2, distance_factor: f64) -> Vec2 {
 /// Push away from the nearest point of the nearest wall: `exp(-(d - 0.35)/0.2)`.
 pub fn obstacle(position: Vec2, nearest: Vec2) -> Vec2 {
     let away = position - nearest;
-    away.unit() * (-(away.norm() - OBSTACLE_RADIUS) / OBSTACLE_RANGE).exp()
+    away.unit() * libm::exp(-(away.norm() - OBSTACLE_RADIUS) / OBSTACLE_RANGE)
 }
 
 /// The forces that keep a group together. `others` are the positions of its other members, `heading` the walking

@@ -11,7 +11,7 @@ impl Default for Quaternion {
 impl Quaternion {
     /// A rotation by `yaw` radians about z.
     pub fn from_yaw(yaw: f64) -> Self {
-        let (sin, cos) = (yaw / 2.0).sin_cos();
+        let (sin, cos) = libm::sincos(yaw / 2.0);
         Self { x: 0.0, y: 0.0, z: sin, w: cos }
     }
 
@@ -19,7 +19,7 @@ impl Quaternion {
     /// quaternion does not matter.
     pub fn yaw(self) -> f64 {
         let Self { x, y, z, w } = self;
-        (2.0 * (w * z + x * y)).atan2(w * w + x * x - y * y - z * z)
+        libm::atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
     }
 }
 

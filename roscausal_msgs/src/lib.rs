@@ -9,6 +9,8 @@
 //!
 //! [`dynamic`] reads messages of any other type by the definition that travels with them.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 /// Implements [`Message`] for a type that `build.rs` writes.
 macro_rules! message {
     ($type:ident, $package:literal, $name:literal, $text:literal, $wires:ident, [$($nested:ty),* $(,)?]) => {

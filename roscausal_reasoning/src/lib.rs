@@ -58,6 +58,7 @@
 //! a clock.
 
 #![warn(missing_docs)]
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub mod answer;
 pub mod effects;

@@ -38,7 +38,7 @@ pub(crate) fn blocks(seed: u64, stretches: &[usize], block: usize) -> Vec<(usize
 
 /// The length of a block for `n` places in all.
 pub(crate) fn block_length(n: usize) -> usize {
-    (n as f64).cbrt().ceil().max(1.0) as usize
+    libm::cbrt(n as f64).ceil().max(1.0) as usize
 }
 
 /// How often each place counts in a moving-block bootstrap.

@@ -352,9 +352,9 @@ fn call<M: Moment>(function: Function, arguments: &[Node], row: &M) -> f64 {
             [Node::Place(who), Node::Place(other)] => row.risk(*who, *other),
             _ => f64::NAN,
         },
-        Function::Norm => point(0).0.hypot(point(0).1),
-        Function::Angle => point(0).1.atan2(point(0).0),
-        Function::Distance => (point(0).0 - point(1).0).hypot(point(0).1 - point(1).1),
+        Function::Norm => libm::hypot(point(0).0, point(0).1),
+        Function::Angle => libm::atan2(point(0).1, point(0).0),
+        Function::Distance => libm::hypot(point(0).0 - point(1).0, point(0).1 - point(1).1),
         Function::Dot => point(0).0 * point(1).0 + point(0).1 * point(1).1,
         Function::Cross => point(0).0 * point(1).1 - point(0).1 * point(1).0,
     }

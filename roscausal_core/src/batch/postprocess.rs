@@ -198,7 +198,7 @@ impl Postprocess {
                 return f64::NAN;
             }
             // The noise is small beside the bound.
-            (exponent + noise).exp()
+            libm::exp(exponent + noise)
         };
         let late_risk =
             |row: usize, a, b| row.checked_sub(self.risk_lag).map_or(f64::NAN, |earlier| risk(earlier, a, b));
@@ -248,7 +248,7 @@ impl Moment for BatchRow<'_> {
 fn nearest(a: &Body, b: &Body, batch: &Recording, row: usize, person: Option<u32>) -> Body {
     let people = batch.people.iter().filter(|(id, _)| Some(**id) != person).map(|(_, rows)| rows);
     let known = batch.others.values().chain(people).filter_map(|rows| rows.get(row)).map(Values::body);
-    let distance = |other: &Body| (other.x - a.x).hypot(other.y - a.y);
+    let distance = |other: &Body| libm::hypot(other.x - a.x, other.y - a.y);
     // Bodies that are absent or have no heading are not obstacles.
     let bodies =
         std::iter::once(*b).chain(known).filter(|other| distance(other).is_finite() && other.vx.is_finite());
@@ -264,7 +264,7 @@ fn name_for(name: &str, id: u32) -> String {
 fn normal(stream: u64, index: u64) -> f64 {
     let uniform =
         |salt: u64| ((mix(stream ^ mix(2 * index + salt)) >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
-    (-2.0 * uniform(0).ln()).sqrt() * (std::f64::consts::TAU * uniform(1)).cos()
+    (-2.0 * libm::log(uniform(0))).sqrt() * libm::cos(std::f64::consts::TAU * uniform(1))
 }
 
 #[cfg(test)]

@@ -597,7 +597,7 @@ pub(super) fn values(pose: &Pose2D, twist: &Twist, goal: &Point) -> Values {
         x: finite(pose.x),
         y: finite(pose.y),
         theta: finite(pose.theta),
-        v: finite(twist.linear.x.hypot(twist.linear.y)),
+        v: finite(libm::hypot(twist.linear.x, twist.linear.y)),
         omega: finite(twist.angular.z),
     }
 }

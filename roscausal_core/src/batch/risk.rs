@@ -19,13 +19,13 @@ pub struct Body {
 impl Body {
     /// A body that moves with speed `v` in the direction `theta`. A body at rest needs no heading.
     pub fn heading(x: f64, y: f64, theta: f64, v: f64) -> Self {
-        let (vx, vy) = if v == 0.0 { (0.0, 0.0) } else { (v * theta.cos(), v * theta.sin()) };
+        let (vx, vy) = if v == 0.0 { (0.0, 0.0) } else { (v * libm::cos(theta), v * libm::sin(theta)) };
         Self { x, y, vx, vy }
     }
 
     /// Metres per second.
     pub fn speed(&self) -> f64 {
-        self.vx.hypot(self.vy)
+        libm::hypot(self.vx, self.vy)
     }
 }
 
@@ -67,7 +67,7 @@ pub fn risk_exponent(a: &Body, b: &Body, model: RiskModel, obs_size: f64, safe_d
 /// `|V_rel| / d + steer` on collision course, otherwise `None`.
 fn collision_course(a: &Body, b: &Body, obs_size: f64, safe_dist: f64) -> Option<f64> {
     let (dx, dy) = (b.x - a.x, b.y - a.y);
-    let d = dx.hypot(dy);
+    let d = libm::hypot(dx, dy);
     if d == 0.0 || d >= safe_dist {
         return None;
     }
@@ -77,8 +77,8 @@ fn collision_course(a: &Body, b: &Body, obs_size: f64, safe_dist: f64) -> Option
         return None;
     }
     // Distance of P from the line through `a` and the corner of the triangle beside `b`.
-    let steer = (obs_size * along - d * lateral) / d.hypot(obs_size);
-    let relative = (b.vx - a.vx).hypot(b.vy - a.vy);
+    let steer = (obs_size * along - d * lateral) / libm::hypot(d, obs_size);
+    let relative = libm::hypot(b.vx - a.vx, b.vy - a.vy);
     Some(relative / d.max(NEAREST) + steer)
 }
 

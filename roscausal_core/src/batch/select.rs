@@ -42,7 +42,7 @@ impl Select {
             Self::Nearest(number) => {
                 let (x, y) = robot.map_or((0.0, 0.0), |robot| (robot.x, robot.y));
                 let mut all = people.to_vec();
-                let distance = |person: &HumanState| (person.pose2d.x - x).hypot(person.pose2d.y - y);
+                let distance = |person: &HumanState| libm::hypot(person.pose2d.x - x, person.pose2d.y - y);
                 all.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
                 all.truncate(*number);
                 all

@@ -149,8 +149,8 @@ impl Values {
     pub(super) fn follows(&self, other: &Self) -> Option<bool> {
         let moves = |body: &Self| body.v > MOVES;
         let (dx, dy) = (other.x - self.x, other.y - self.y);
-        let ahead = (dx * self.theta.cos() + dy * self.theta.sin()) / (dx * dx + dy * dy).sqrt();
-        let together = (other.theta - self.theta).cos();
+        let ahead = (dx * libm::cos(self.theta) + dy * libm::sin(self.theta)) / (dx * dx + dy * dy).sqrt();
+        let together = libm::cos(other.theta - self.theta);
         (moves(self) && moves(other) && !(ahead * together).is_nan())
             .then_some(ahead > SAME_WAY && together > SAME_WAY)
     }

@@ -313,7 +313,7 @@ fn of_people(message: people_msgs::People) -> Vec<(Who, Sighting)> {
     let header = message.header;
     let sighting = |person: people_msgs::Person| {
         let (x, y) = (person.velocity.x, person.velocity.y);
-        let pose = Pose { position: person.position, orientation: Quaternion::from_yaw(y.atan2(x)) };
+        let pose = Pose { position: person.position, orientation: Quaternion::from_yaw(libm::atan2(y, x)) };
         let twist = Some(walking([x, y]));
         (Who::Name(person.name), Sighting { id: 0, header: header.clone(), pose, twist, goal: None })
     };

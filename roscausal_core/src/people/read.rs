@@ -399,7 +399,7 @@ impl Columns {
         let velocity = velocity.filter(|parts| parts.iter().all(|part| part.is_finite()));
         let twist = velocity.map(walking);
         let heading = self.yaw.map(|yaw| number(row, yaw)).filter(|yaw| yaw.is_finite());
-        let heading = heading.or_else(|| velocity.map(|[x, y]| y.atan2(x)));
+        let heading = heading.or_else(|| velocity.map(|[x, y]| libm::atan2(y, x)));
         let orientation = match self.orientation {
             Some(parts) => {
                 let [x, y, z, w] = parts.map(|part| number(row, part));

@@ -369,8 +369,8 @@ fn euler(of: Of, [x, y, z, w]: [f64; 4]) -> f64 {
         return f64::NAN;
     }
     match of {
-        Of::Roll => (2.0 * (w * x + y * z)).atan2(norm - 2.0 * (x * x + y * y)),
-        Of::Pitch => (2.0 * (w * y - z * x) / norm).clamp(-1.0, 1.0).asin(),
-        _ => (2.0 * (w * z + x * y)).atan2(norm - 2.0 * (y * y + z * z)),
+        Of::Roll => libm::atan2(2.0 * (w * x + y * z), norm - 2.0 * (x * x + y * y)),
+        Of::Pitch => libm::asin((2.0 * (w * y - z * x) / norm).clamp(-1.0, 1.0)),
+        _ => libm::atan2(2.0 * (w * z + x * y), norm - 2.0 * (y * y + z * z)),
     }
 }

@@ -290,8 +290,8 @@ impl PeopleTracker {
         }
         let twist = sighting.twist.unwrap_or_else(|| {
             let twist = self.velocity(id, stamp, [pose2d.x, pose2d.y]);
-            if twist.linear.x.hypot(twist.linear.y) > 0.05 {
-                pose2d.theta = twist.linear.y.atan2(twist.linear.x);
+            if libm::hypot(twist.linear.x, twist.linear.y) > 0.05 {
+                pose2d.theta = libm::atan2(twist.linear.y, twist.linear.x);
             }
             twist
         });

@@ -161,7 +161,7 @@ impl Lost {
         let mut pairs = Vec::new();
         for (place, _) in people.iter().enumerate().filter(|(_, person)| person.is_none()) {
             for (person, (seen, at)) in self.last.iter().filter(|(person, _)| !here.contains(*person)) {
-                let distance = (places[place].x - at.x).hypot(places[place].y - at.y);
+                let distance = libm::hypot(places[place].x - at.x, places[place].y - at.y);
                 if distance <= self.gate_m + FASTEST * stamp.secs_since(*seen) {
                     pairs.push((distance, place, *person));
                 }
@@ -223,7 +223,7 @@ impl Tracks {
         for (track, (_, seen, at)) in self.tracks.iter().enumerate() {
             let gate = self.gate_m + FASTEST * stamp.secs_since(*seen).abs();
             for (place, point) in places.iter().enumerate() {
-                let distance = (point.x - at.x).hypot(point.y - at.y);
+                let distance = libm::hypot(point.x - at.x, point.y - at.y);
                 if distance <= gate {
                     pairs.push((distance, track, place));
                 }

@@ -235,11 +235,11 @@ impl RobotTracker {
         let (before, there) = before?;
         let dt = stamp.secs_since(before);
         let (dx, dy) = ((here.x - there.x) / dt, (here.y - there.y) / dt);
-        let (sin, cos) = here.theta.sin_cos();
+        let (sin, cos) = libm::sincos(here.theta);
         state.twist.linear.x = cos * dx + sin * dy;
         state.twist.linear.y = cos * dy - sin * dx;
         let turned = here.theta - there.theta;
-        state.twist.angular.z = turned.sin().atan2(turned.cos()) / dt;
+        state.twist.angular.z = libm::atan2(libm::sin(turned), libm::cos(turned)) / dt;
         Some(state)
     }
 

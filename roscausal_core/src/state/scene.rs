@@ -25,14 +25,14 @@ impl RiskCone {
     pub fn new(person: &HumanState, robot: &RobotState, obs_size: f64, safe_dist: f64) -> Option<Self> {
         let (a, b) = (body_of_person(person), body_of_robot(robot));
         let (dx, dy) = (b.x - a.x, b.y - a.y);
-        let distance = dx.hypot(dy);
+        let distance = libm::hypot(dx, dy);
         if !(distance.is_finite() && distance > 0.0) {
             return None;
         }
         let (nx, ny) = (-dy / distance * obs_size, dx / distance * obs_size);
         let point = |x: f64, y: f64| Point { x, y, z: 0.0 };
         let exponent = |model: RiskModel| risk_exponent(&a, &b, model, obs_size, safe_dist);
-        let risk = exponent(RiskModel::V1_1).exp();
+        let risk = libm::exp(exponent(RiskModel::V1_1));
         Some(Self {
             corners: [point(a.x, a.y), point(b.x + nx, b.y + ny), point(b.x - nx, b.y - ny)],
             ahead: point(a.x + a.vx, a.y + a.vy),
@@ -46,7 +46,7 @@ impl RiskCone {
 
 /// Planar speed of a twist, metres per second.
 pub fn speed(twist: &roscausal_msgs::geometry_msgs::Twist) -> f64 {
-    twist.linear.x.hypot(twist.linear.y)
+    libm::hypot(twist.linear.x, twist.linear.y)
 }
 
 fn body_of_person(person: &HumanState) -> Body {

@@ -83,16 +83,17 @@ fn chances(tests: &[(f64, usize)], lags: usize, odds: f64) -> Vec<f64> {
     let mut found = vec![0.0; tests.len()];
     for round in 0..=ROUNDS {
         let (mut real, mut strengths) = (0.0, 0.0);
-        let shift = if round == ROUNDS { odds.ln() } else { 0.0 };
+        let shift = if round == ROUNDS { libm::log(odds) } else { 0.0 };
         for ((found, &square), &v) in found.iter_mut().zip(&squares).zip(&variances) {
             let of = spread / (v + spread);
-            let normal = 0.5 * (v / (v + spread)).ln() + 0.5 * square * of;
-            let without_weak = normal + ((1.0 - of) * (1.0 + square * of)).ln();
+            let normal = 0.5 * libm::log(v / (v + spread)) + 0.5 * square * of;
+            let without_weak = normal + libm::log((1.0 - of) * (1.0 + square * of));
             let larger = normal.max(without_weak);
-            let both = larger + (0.5 * ((normal - larger).exp() + (without_weak - larger).exp())).ln();
-            *found = 1.0 / (1.0 + (-(both + (share / (1.0 - share)).ln() + shift)).exp());
+            let both =
+                larger + libm::log(0.5 * (libm::exp(normal - larger) + libm::exp(without_weak - larger)));
+            *found = 1.0 / (1.0 + libm::exp(-(both + libm::log(share / (1.0 - share)) + shift)));
             // What the strength's square is on average, given the test; that of the law without weak links is three times its variance.
-            let of_moment = 0.5 * (without_weak - both).exp();
+            let of_moment = 0.5 * libm::exp(without_weak - both);
             let mean_square = square * v * of * of + v * of;
             real += *found;
             strengths += *found * mean_square * (1.0 - of_moment + of_moment / 3.0);

@@ -59,7 +59,7 @@ impl Score {
         let ranks = middle_ranks(cause);
         // The last column is the constant.
         let common = Mat::from_fn(n, COSINES + 1, |t, k| {
-            if k < COSINES { (std::f64::consts::PI * (k + 1) as f64 * ranks[t]).cos() } else { 1.0 }
+            if k < COSINES { libm::cos(std::f64::consts::PI * (k + 1) as f64 * ranks[t]) } else { 1.0 }
         });
         let mean = |k: usize| (first..n).map(|t| common[(t, k)]).sum::<f64>() / (n - first) as f64;
         let means: Vec<f64> = (0..COSINES).map(mean).collect();

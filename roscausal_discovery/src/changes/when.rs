@@ -59,7 +59,7 @@ pub(super) fn between(
         let own = squares - there.explained(products.clone());
         if own > 1e-9 * squares {
             let left = (rss - with_residuals * with_residuals / own).max(f64::MIN_POSITIVE);
-            likelihoods.push((rows[s], -0.5 * n as f64 * left.ln()));
+            likelihoods.push((rows[s], -0.5 * n as f64 * libm::log(left)));
         }
     }
     let largest = likelihoods.iter().map(|(_, l)| *l).fold(f64::NEG_INFINITY, f64::max);

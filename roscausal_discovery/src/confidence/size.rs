@@ -57,7 +57,7 @@ fn centred(mut values: Vec<f64>) -> Vec<f64> {
 
 /// The largest of 1, 2, 5 times a power of ten that is not above a value.
 fn round(value: f64) -> Option<f64> {
-    let unit = 10_f64.powf(value.log10().floor());
+    let unit = libm::pow(10_f64, libm::log10(value).floor());
     let step = [5.0, 2.0, 1.0].map(|f| f * unit).into_iter().find(|step| *step <= value * (1.0 + 1e-9));
     step.filter(|step| *step > 0.0 && step.is_finite())
 }

@@ -40,7 +40,7 @@ impl Axis {
     /// About `count` round numbers on the axis: multiples of 1, 2 or 5 times a power of ten.
     pub(super) fn ticks(&self, count: usize) -> Vec<f64> {
         let rough = (self.high - self.low) / count.max(1) as f64;
-        let unit = 10_f64.powf(rough.log10().floor());
+        let unit = libm::pow(10_f64, libm::log10(rough).floor());
         let step =
             [1.0, 2.0, 5.0, 10.0].map(|f| f * unit).into_iter().find(|step| *step >= rough * (1.0 - 1e-9));
         let Some(step) = step.filter(|step| *step > 0.0 && step.is_finite()) else { return Vec::new() };
@@ -79,7 +79,7 @@ fn number(tick: f64, ticks: &[f64]) -> String {
     if largest >= 1e6 || (largest > 0.0 && largest < 1e-3) {
         return format!("{tick:.1e}");
     }
-    let decimals = (-step.log10()).ceil().clamp(0.0, 9.0) as usize;
+    let decimals = (-libm::log10(step)).ceil().clamp(0.0, 9.0) as usize;
     let text = format!("{tick:.decimals$}");
     if text.trim_start_matches('-').trim_matches(['0', '.']).is_empty() {
         text.replace('-', "")

@@ -107,7 +107,7 @@ fn draw(svg: &mut Svg, at: Point, x_label: &str, panel: &Panel) {
 /// The top of an axis that starts at 0, contains `largest`, and has round numbers at its steps.
 fn round_top(largest: f64) -> f64 {
     let step = largest / f64::from(STEPS);
-    let unit = 10_f64.powf(step.log10().floor());
+    let unit = libm::pow(10_f64, libm::log10(step).floor());
     let round = [1.0, 2.0, 2.5, 5.0, 10.0].map(|factor| factor * unit);
     // A little slack, because a power of ten need not be exact.
     let enough = round.into_iter().find(|round| *round >= step * (1.0 - 1e-9));

@@ -19,7 +19,7 @@ impl Point {
     /// Unit vector from here to `other`; to the right if they are the same point.
     pub(crate) fn towards(self, other: Self) -> Self {
         let (dx, dy) = (other.x - self.x, other.y - self.y);
-        let length = dx.hypot(dy);
+        let length = libm::hypot(dx, dy);
         if length > 0.0 { Self::new(dx / length, dy / length) } else { Self::new(1.0, 0.0) }
     }
 }

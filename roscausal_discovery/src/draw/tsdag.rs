@@ -64,7 +64,7 @@ fn arrow(svg: &mut Svg, from: Point, to: Point, stroke: &Stroke) -> Point {
     // A link that would pass over other nodes of its row or column is bent around them.
     let over = if from.y == to.y && to.x - from.x > COLUMN * 1.5 || from.x == to.x { 0.22 } else { 0.0 };
     let along = from.towards(to);
-    let length = (to.x - from.x).hypot(to.y - from.y);
+    let length = libm::hypot(to.x - from.x, to.y - from.y);
     let bend = Point::new((from.x + to.x) / 2.0, (from.y + to.y) / 2.0)
         .plus(along.y * length * over, -along.x * length * over);
     let (leave, arrive) = (from.towards(bend), to.towards(bend));

@@ -228,7 +228,7 @@ pub(super) fn g_statistic(x: &[usize], y: &[usize], stratum: &[usize], with_mean
         cells.sort_unstable();
         for ((a, b), observed) in cells {
             let (observed, expected) = (observed as f64, of_x[a] as f64 * of_y[b] as f64 / n);
-            value += 2.0 * observed * (observed / expected).ln();
+            value += 2.0 * observed * libm::log(observed / expected);
         }
         let used = |counts: &[usize]| counts.iter().filter(|&&c| c > 0).count();
         let own = used(&of_x).saturating_sub(1) * used(&of_y).saturating_sub(1);
@@ -246,7 +246,7 @@ pub(super) fn g_statistic(x: &[usize], y: &[usize], stratum: &[usize], with_mean
 /// from its mode to both sides.
 fn mean_of_cell(n: f64, a: f64, b: f64) -> f64 {
     const NEGLIGIBLE: f64 = 1e-17;
-    let term = |k: f64| if k > 0.0 { 2.0 * k * (k * n / (a * b)).ln() } else { 0.0 };
+    let term = |k: f64| if k > 0.0 { 2.0 * k * libm::log(k * n / (a * b)) } else { 0.0 };
     let mode = ((a + 1.0) * (b + 1.0) / (n + 2.0)).floor();
     let (mut sum, mut weights) = (term(mode), 1.0);
     for up in [true, false] {

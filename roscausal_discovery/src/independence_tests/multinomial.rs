@@ -81,10 +81,10 @@ impl Fit<'_> {
         }
         let most = into.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let own = into[self.category[sample]];
-        into.iter_mut().for_each(|p| *p = (*p - most).exp());
+        into.iter_mut().for_each(|p| *p = libm::exp(*p - most));
         let sum: f64 = into.iter().sum();
         into.iter_mut().for_each(|p| *p /= sum);
-        most + sum.ln() - own
+        most + libm::log(sum) - own
     }
 
     /// Negative log-likelihood.

@@ -312,7 +312,7 @@ impl PreparedTest for Prepared<'_> {
     fn model_selection_score(&self, target: Node, parents: &[Node]) -> Result<f64> {
         let penalty = 2.0 * (parents.len() as f64 + 1.0);
         // Parents that determine the target: the residual is as small as rounding allows.
-        let score = |n: usize, left: f64| n as f64 * (n as f64 * left.max(1e-30)).ln() + penalty;
+        let score = |n: usize, left: f64| n as f64 * libm::log(n as f64 * left.max(1e-30)) + penalty;
         if let Some(r) = &self.shared {
             let target = r.index(target)?;
             if r.is_constant(target) {

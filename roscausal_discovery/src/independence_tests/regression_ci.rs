@@ -153,7 +153,7 @@ impl Prepared<'_> {
         let more = columns(by.0, by.1, self.as_tigramite);
         let (without, rank) = fit(given.clone());
         let (with, rank_with) = fit([given, more].concat());
-        let value = (n as f64 * (without / with).ln()).max(0.0);
+        let value = (n as f64 * libm::log(without / with)).max(0.0);
         if self.as_tigramite {
             return (value, chi_squared_sf(value, if by.1 { count(by.0) } else { 1 }));
         }

@@ -97,7 +97,7 @@ pub(crate) fn optimal_block_length(rows: &[&[f64]]) -> usize {
         Some(phi) => {
             let odds = phi / (1.0 - phi);
             let ratio = (odds + odds * odds) / (1.0 + 2.0 * odds);
-            (4.0 * n as f64 * ratio * ratio).cbrt() as usize
+            libm::cbrt(4.0 * n as f64 * ratio * ratio) as usize
         }
         None => n / 20,
     };
@@ -135,8 +135,8 @@ fn envelope(signal: &[f64]) -> Vec<f64> {
             let weight = if k == 0 || 2 * k == n { 1.0 } else { 2.0 };
             let (mut re, mut im) = (0.0, 0.0);
             for (t, v) in signal.iter().enumerate() {
-                re += v * angle(k, t).cos();
-                im -= v * angle(k, t).sin();
+                re += v * libm::cos(angle(k, t));
+                im -= v * libm::sin(angle(k, t));
             }
             (weight * re / n as f64, weight * im / n as f64)
         })
@@ -145,11 +145,11 @@ fn envelope(signal: &[f64]) -> Vec<f64> {
         .map(|t| {
             let (mut re, mut im) = (0.0, 0.0);
             for (k, (a, b)) in spectrum.iter().enumerate() {
-                let (sin, cos) = angle(k, t).sin_cos();
+                let (sin, cos) = libm::sincos(angle(k, t));
                 re += a * cos - b * sin;
                 im += a * sin + b * cos;
             }
-            re.hypot(im)
+            libm::hypot(re, im)
         })
         .collect()
 }

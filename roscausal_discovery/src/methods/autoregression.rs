@@ -38,8 +38,8 @@ impl Criterion {
         let n = n as f64;
         let price = match self {
             Self::Aic => 2.0,
-            Self::Bic => n.ln(),
-            Self::Hqic => 2.0 * n.ln().ln(),
+            Self::Bic => libm::log(n),
+            Self::Hqic => 2.0 * libm::log(libm::log(n)),
         };
         ln_det + price * parameters as f64 / n
     }

@@ -188,7 +188,7 @@ impl Link {
         let LinkSize { step, low, high, .. } = self.size?;
         let (cause, effect) = (plain(&self.cause), plain(&self.effect));
         let number = |value: f64| {
-            let digits = (1.0 - value.abs().max(1e-12).log10().floor()).clamp(0.0, 12.0) as usize;
+            let digits = (1.0 - libm::log10(value.abs().max(1e-12)).floor()).clamp(0.0, 12.0) as usize;
             let text = format!("{value:.digits$}");
             if text.contains('.') {
                 text.trim_end_matches('0').trim_end_matches('.').to_owned()
@@ -401,7 +401,7 @@ impl Model {
         let level = self.link_level().filter(|_| is_correlation && self.fdr == "none")?;
         let (fewest, _) = self.samples_used().filter(|(fewest, _)| *fewest > 10)?;
         let needed = normal_quantile(1.0 - level / 2.0) + normal_quantile(0.8);
-        Some((needed / (fewest as f64 - 3.0).sqrt()).tanh())
+        Some(libm::tanh(needed / (fewest as f64 - 3.0).sqrt()))
     }
 
     /// Whether its strengths have a sign that says in which direction an effect goes.

@@ -23,9 +23,9 @@ pub(crate) fn f_sf(f: f64, d1: usize, d2: usize) -> f64 {
 fn regularized(a: f64, b: f64, x: f64, y: f64) -> f64 {
     let ln_beta = libm::lgamma(a) + libm::lgamma(b) - libm::lgamma(a + b);
     // The larger of the two is known to more digits by the smaller one.
-    let ln_x = if y < 0.5 { (-y).ln_1p() } else { x.ln() };
-    let ln_y = if x < 0.5 { (-x).ln_1p() } else { y.ln() };
-    of_front((a * ln_x + b * ln_y - ln_beta).exp(), [a, b], [x, y])
+    let ln_x = if y < 0.5 { libm::log1p(-y) } else { libm::log(x) };
+    let ln_y = if x < 0.5 { libm::log1p(-x) } else { libm::log(y) };
+    of_front(libm::exp(a * ln_x + b * ln_y - ln_beta), [a, b], [x, y])
 }
 
 /// `I_x(a, b)` from its factor `front` = `x^a y^b / B(a, b)`, by the fraction that ends sooner.

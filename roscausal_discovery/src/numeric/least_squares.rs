@@ -9,8 +9,6 @@
 //! Source: Golub and Van Loan 2013, "Matrix computations", 5.2 and 5.3. For example `y = 1 + 2 x` exactly: coefficient 2,
 //! residual sum 0 but for rounding, F above 1e20.
 
-use faer::Mat;
-
 use super::rows::{dot, is_constant, largest, sum};
 
 /// Smallest part of a column's norm that the others leave it, if it is not determined by them.
@@ -83,7 +81,7 @@ impl Compressed {
     /// The centred columns, all of the same length.
     pub(crate) fn new(columns: &[&[f64]]) -> Self {
         let n = columns.first().map_or(0, |row| row.len());
-        let (matrix, norms) = scaled(columns, n, true);
+        let (matrix, norms) = scaled(columns, true);
         let mut columns = triangle(matrix);
         columns.iter_mut().zip(norms).for_each(|(column, norm)| multiply(column, norm));
         Self { n, columns }
@@ -117,7 +115,7 @@ impl LeastSquares {
         let mut undetermined = vec![false; columns.len()];
         let (triangle, target_norms) = loop {
             let rows: Vec<&[f64]> = kept.iter().map(|&k| columns[k]).chain(targets.iter().copied()).collect();
-            let (matrix, mut norms_now) = scaled(&rows, n, constant);
+            let (matrix, mut norms_now) = scaled(&rows, constant);
             let target_norms = norms_now.split_off(kept.len());
             kept.iter().zip(norms_now).for_each(|(&k, norm)| norms[k] = norm);
             let constants = kept.extract_if(.., |k| norms[*k] == 0.0).count();
@@ -196,7 +194,7 @@ impl LeastSquares {
     /// `ln det(E'E / n)` of the residuals E of all targets; minus infinity where one is determined.
     pub(crate) fn ln_det(&self) -> f64 {
         let of = |j: usize| self.left[j].get(j).map_or(0.0, |v| v.abs()) * self.target_norms[j];
-        (0..self.left.len()).map(|j| 2.0 * of(j).ln() - (self.n as f64).ln()).sum()
+        (0..self.left.len()).map(|j| 2.0 * libm::log(of(j)) - libm::log(self.n as f64)).sum()
     }
 
     /// The t statistic of a coefficient; 0 where it says nothing.
@@ -218,7 +216,7 @@ impl LeastSquares {
             return none;
         };
         // Rows of the inverse are the columns' directions; F measures the coefficients in an orthonormal frame of them.
-        let frame = triangle(Mat::from_fn(self.kept.len(), at.len(), |i, j| self.inverse[at[j]][i]));
+        let frame = triangle(at.iter().map(|&at| self.inverse[at].clone()).collect());
         let along = |target: &Vec<f64>| -> f64 {
             let mut solved = Vec::with_capacity(at.len());
             for (i, &at) in at.iter().enumerate() {
@@ -238,27 +236,33 @@ fn quotient(a: f64, b: f64) -> f64 {
     if a == 0.0 { 0.0 } else { a / b }
 }
 
-/// Columns of length `n`, each centred if there is a constant and scaled to norm 1; and their norms.
-fn scaled(columns: &[&[f64]], n: usize, constant: bool) -> (Mat<f64>, Vec<f64>) {
-    let mut matrix = Mat::zeros(n, columns.len());
-    let scaled = |(k, column): (usize, &&[f64])| {
-        let room = matrix.col_as_slice_mut(k);
-        room.copy_from_slice(column);
-        scale(room, constant)
-    };
-    let norms = columns.iter().enumerate().map(scaled).collect();
-    (matrix, norms)
+/// Columns, each centred if there is a constant and scaled to norm 1; and their norms.
+fn scaled(columns: &[&[f64]], constant: bool) -> (Vec<Vec<f64>>, Vec<f64>) {
+    let mut columns: Vec<Vec<f64>> = columns.iter().map(|column| column.to_vec()).collect();
+    let norms = columns.iter_mut().map(|column| scale(column, constant)).collect();
+    (columns, norms)
 }
 
-/// The triangular factor of a matrix: `[column][row]`, as many rows as there are columns, or rows of the matrix.
-fn triangle(matrix: Mat<f64>) -> Vec<Vec<f64>> {
-    let (n, size) = (matrix.nrows(), matrix.ncols());
-    if size == 0 || n == 0 {
-        return vec![Vec::new(); size];
+/// The triangular factor of a matrix, given by its columns: `[column][row]`, as many rows as there are columns, or rows of the matrix.
+/// Step k mirrors what is below row k so that column k ends there. Not by a library: its sums have as many lanes as the processor,
+/// and the last digits of a model would say on which it was made.
+fn triangle(mut columns: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    let rows = columns.first().map_or(0, Vec::len).min(columns.len());
+    for k in 0..rows {
+        let (done, later) = columns.split_at_mut(k + 1);
+        let axis = &mut done[k][k..];
+        let end = -dot(axis, axis).sqrt().copysign(axis[0]);
+        axis[0] -= end;
+        let half = -end * axis[0];
+        for column in later.iter_mut().filter(|_| half > 0.0) {
+            let along = dot(axis, &column[k..]) / half;
+            column[k..].iter_mut().zip(&*axis).for_each(|(value, part)| *value -= along * part);
+        }
+        axis.fill(0.0);
+        axis[0] = end;
     }
-    let qr = matrix.qr();
-    let r = qr.thin_R();
-    (0..size).map(|k| (0..size.min(n)).map(|i| if i <= k { r[(i, k)] } else { 0.0 }).collect()).collect()
+    columns.iter_mut().for_each(|column| column.truncate(rows));
+    columns
 }
 
 /// The inverse of the leading `size` columns of an upper triangle, by rows; entries below the diagonal are 0.

@@ -160,7 +160,7 @@ pub(crate) fn cumulated(row: &[f64]) -> Vec<f64> {
 /// The variance that a mean of so many values has, times their number (Bartlett's weights); `off` are differences from the mean.
 pub(crate) fn long_run_variance(off: &[f64]) -> f64 {
     let n = off.len();
-    let lags = (12.0 * (n as f64 / 100.0).powf(0.25)) as usize;
+    let lags = (12.0 * libm::pow(n as f64 / 100.0, 0.25)) as usize;
     let autocovariance = |lag: usize| dot(&off[lag..], &off[..n - lag]) / n as f64;
     let weighted = |lag: usize| 2.0 * (1.0 - lag as f64 / (lags as f64 + 1.0)) * autocovariance(lag);
     autocovariance(0) + (1..=lags.min(n - 1)).map(weighted).sum::<f64>()

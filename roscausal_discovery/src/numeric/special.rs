@@ -16,12 +16,12 @@ pub(crate) fn chi_squared_sf(x: f64, dof: usize) -> f64 {
     let mut sum = if odd { libm::erfc(half.sqrt()) } else { 0.0 };
     // Terms e^-h h^a / Gamma(a + 1) for a = 0, 1, ... (even dof) or 1/2, 3/2, ... (odd dof).
     let mut a = if odd { 0.5 } else { 0.0 };
-    let ln_half = half.ln();
+    let ln_half = libm::log(half);
     let mut ln_term = a * ln_half - half - libm::lgamma(a + 1.0);
     for _ in 0..dof / 2 {
-        sum += ln_term.exp();
+        sum += libm::exp(ln_term);
         a += 1.0;
-        ln_term += ln_half - a.ln();
+        ln_term += ln_half - libm::log(a);
     }
     sum.clamp(0.0, 1.0)
 }

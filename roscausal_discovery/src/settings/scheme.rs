@@ -28,7 +28,7 @@ impl Block {
     pub(crate) fn length(self, n: usize) -> usize {
         match self {
             Self::Rows(length) => length,
-            Self::CubeRoot => ((n as f64).powf(1.0 / 3.0) as usize).max(1),
+            Self::CubeRoot => (libm::pow(n as f64, 1.0 / 3.0) as usize).max(1),
         }
     }
 

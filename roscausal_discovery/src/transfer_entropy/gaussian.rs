@@ -78,7 +78,7 @@ impl Estimator for Gaussian {
         let explained = l.slice(s![last, z.len()..last]).iter().map(|v| v * v).sum::<f64>();
         // If the sources determine the target, its information is unbounded; f64 rounding bounds it.
         let left = l[[last, last]].powi(2).max(f64::EPSILON * explained);
-        if explained > 0.0 { 0.5 * (explained / left).ln_1p() } else { 0.0 }
+        if explained > 0.0 { 0.5 * libm::log1p(explained / left) } else { 0.0 }
     }
 
     fn cmi_of_each(&self, target: Node, candidates: &[Node], z: &[Node]) -> Vec<f64> {
@@ -107,17 +107,17 @@ impl Estimator for Gaussian {
                 return 0.0;
             }
             let r2 = (w[m] * w[m] / (variance * target_variance)).min(1.0 - f64::EPSILON);
-            -0.5 * (-r2).ln_1p()
+            -0.5 * libm::log1p(-r2)
         };
         candidates.iter().map(|&candidate| one(candidate)).collect()
     }
 
     fn p_max(&self, value: f64, _target: Node, candidates: &[Node], _z: &[Node]) -> f64 {
-        -(candidates.len() as f64 * (-self.p_of_one(value)).ln_1p()).exp_m1()
+        -libm::expm1(candidates.len() as f64 * libm::log1p(-self.p_of_one(value)))
     }
 
     fn p_min(&self, value: f64, _target: Node, sources: &[Node], _past: &[Node]) -> f64 {
-        self.p_of_one(value).powf(sources.len() as f64)
+        libm::pow(self.p_of_one(value), sources.len() as f64)
     }
 
     fn p_joint(&self, value: f64, _target: Node, sources: &[Node], _z: &[Node]) -> f64 {
@@ -148,7 +148,7 @@ fn p_of_order_statistic(p: f64, rank: usize, m: usize) -> f64 {
     };
     let term = |j: usize| {
         let j = j as f64;
-        (ln_binomial(j) + j * p.ln() + (m as f64 - j) * (-p).ln_1p()).exp()
+        libm::exp(ln_binomial(j) + j * libm::log(p) + (m as f64 - j) * libm::log1p(-p))
     };
     (rank..=m).map(term).sum::<f64>().min(1.0)
 }

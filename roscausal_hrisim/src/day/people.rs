@@ -52,7 +52,7 @@ pub(super) fn weights(spec: &DaySpec, map: &Map) -> Vec<Vec<Vec<f64>>> {
         let lunch = (spec.lunch - spec.begins).floor() as i64 + team as i64 == hour as i64;
         let mut zones = HashMap::new();
         let mut weight = |place: &Place| {
-            let drawn = *zones.entry(zone(place)).or_insert_with(|| (spec.contrast * rng.normal()).exp());
+            let drawn = *zones.entry(zone(place)).or_insert_with(|| libm::exp(spec.contrast * rng.normal()));
             match place.kind.as_str() {
                 "shelf" => drawn,
                 "corridor" => 0.2 * drawn,
@@ -133,7 +133,7 @@ impl Day {
             "corridor" => 1.0,
             _ => 10.0,
         };
-        let stays = -minutes * 60.0 * (1.0 - self.rng.unit()).ln();
+        let stays = -minutes * 60.0 * libm::log(1.0 - self.rng.unit());
         let goes_home = time >= self.workers[index].shift.1 && place == of_kind(&self.map, "entrance");
         let outside = self.at(place) + OUTSIDE + self.rng.normal2(0.5);
         let worker = &mut self.workers[index];

@@ -295,7 +295,7 @@ impl<M: Middleware> RobotTopics<M> {
         // The odometry frame begins where the robot started.
         let (origin, turn) = robot.start;
         let offset = measured.position - origin;
-        let (cos, sin) = (turn.cos(), turn.sin());
+        let (cos, sin) = (libm::cos(turn), libm::sin(turn));
         let in_odom = Measured {
             position: Vec2::new(cos * offset.x + sin * offset.y, cos * offset.y - sin * offset.x),
             theta: wrap(measured.theta - turn),

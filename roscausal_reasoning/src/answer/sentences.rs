@@ -10,7 +10,7 @@ pub(super) fn short(value: f64) -> String {
     if value == 0.0 || value.abs() < 1e-12 {
         return "0".to_owned();
     }
-    let digits = (2 - value.abs().log10().floor() as i64).clamp(0, 9) as usize;
+    let digits = (2 - libm::log10(value.abs()).floor() as i64).clamp(0, 9) as usize;
     let text = format!("{value:.digits$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
     if text == "-0" { "0".to_owned() } else { text.to_owned() }

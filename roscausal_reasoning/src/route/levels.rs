@@ -299,7 +299,7 @@ impl Levels {
     /// What is expected `ahead` rows after a value was `now` at the hour `since`; `None` for a place or an hour that was not recorded.
     pub fn expected(&self, place: usize, hour: f64, ahead: f64, now: Option<(f64, f64)>) -> Option<Expected> {
         let level = self.level(place, hour)?;
-        let left = self.kept.powf(ahead);
+        let left = libm::pow(self.kept, ahead);
         let deviation =
             now.and_then(|(value, since)| Some(value - self.level(place, since)?.mean)).unwrap_or(0.0);
         let known = if now.is_some() { left * left } else { 0.0 };

@@ -70,7 +70,7 @@ impl Map {
             };
             let (a, b) = (find(&ends[0])?, find(&ends[1])?);
             let [p, q] = [a, b].map(|end| places[end.index()].at);
-            graph.update_edge(a, b, (p[0] - q[0]).hypot(p[1] - q[1]));
+            graph.update_edge(a, b, libm::hypot(p[0] - q[0], p[1] - q[1]));
         }
         let Ok((pairs, before)) = floyd_warshall_path(&graph, |edge| *edge.weight()) else {
             return Err(Error::param("arcs", "an arc is shorter than nothing"));

@@ -189,7 +189,7 @@ fn nearest(
     people: &[(u32, Values)],
 ) -> Option<(usize, BTreeSet<u32>)> {
     let (Select::Nearest(number), Some(robot)) = (select, robot) else { return None };
-    let distance = |values: &Values| (values.x - robot.x).hypot(values.y - robot.y);
+    let distance = |values: &Values| libm::hypot(values.x - robot.x, values.y - robot.y);
     let mut near: Vec<(f64, u32)> = people.iter().map(|(id, values)| (distance(values), *id)).collect();
     near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     Some((*number, near.into_iter().take(*number).map(|(_, id)| id).collect()))

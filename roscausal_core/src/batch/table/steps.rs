@@ -323,7 +323,7 @@ pub(super) fn at_times(
 
 /// Six digits, without zeros at the end.
 pub(super) fn digits(seconds: f64) -> f64 {
-    let scale = 10_f64.powf(5.0 - seconds.abs().max(1e-12).log10().floor());
+    let scale = libm::pow(10_f64, 5.0 - libm::log10(seconds.abs().max(1e-12)).floor());
     (seconds * scale).round() / scale
 }
 

@@ -198,7 +198,7 @@ impl Agent {
         let time = |sample: Option<&Sample>| sample.map_or(f64::NAN, |sample| sample.time);
         let (start, end) = (time(raw.samples.first()), time(raw.samples.last()));
         let from = raw.samples.first().map_or((0.0, 0.0), |sample| sample.place);
-        let is_near = |s: &Sample| (s.place.0 - from.0).hypot(s.place.1 - from.1) < STILL * per_metre;
+        let is_near = |s: &Sample| libm::hypot(s.place.0 - from.0, s.place.1 - from.1) < STILL * per_metre;
         let stands = raw.samples.iter().all(is_near);
         Self { name: raw.name, id, is_robot: raw.is_robot, stands, start, end, track }
     }

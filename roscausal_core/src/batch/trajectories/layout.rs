@@ -109,7 +109,7 @@ fn frame_and_id(grid: &Grid) -> [usize; 2] {
         order.sort_by(|&a, &b| key(a).0.total_cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)));
         let follow = order.windows(2).filter(|pair| number(id, pair[0]) == number(id, pair[1]));
         let length = |pair: &[usize]| {
-            (number(2, pair[1]) - number(2, pair[0])).hypot(number(3, pair[1]) - number(3, pair[0]))
+            libm::hypot(number(2, pair[1]) - number(2, pair[0]), number(3, pair[1]) - number(3, pair[0]))
         };
         median(follow.map(length)).unwrap_or(f64::INFINITY)
     };

@@ -64,7 +64,7 @@ pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, St
     };
     let first = units[0];
     let metres = |rate: f64, unit: PositionUnit| usual * rate / unit.per_metre();
-    let off = |rate: f64, unit: PositionUnit| (metres(rate, unit) / USUAL_WALK).ln().abs();
+    let off = |rate: f64, unit: PositionUnit| libm::log(metres(rate, unit) / USUAL_WALK).abs();
     let is_known = !missing.rate || agreed.is_some();
     let fits = |rate: f64, metres: f64| {
         WALK.contains(&metres) && (is_known || rate != USUAL_RATE || metres <= BRISK)
@@ -129,9 +129,9 @@ pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, St
 
 /// The usual rate next to one that was measured, if it is near enough; otherwise the measured one with three digits.
 fn nearest_rate(measured: f64) -> f64 {
-    let off = |rate: &f64| (rate / measured).ln().abs();
+    let off = |rate: &f64| libm::log(rate / measured).abs();
     let near = RATES.into_iter().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|rate| off(rate) < 0.03);
-    let scale = 10_f64.powf(2.0 - measured.log10().floor());
+    let scale = libm::pow(10_f64, 2.0 - libm::log10(measured).floor());
     near.unwrap_or((measured * scale).round() / scale)
 }
 
@@ -163,7 +163,7 @@ fn usual_speed(tracks: &[&[Sample]]) -> Option<f64> {
 
 fn length(pair: &[Sample]) -> f64 {
     let (a, b) = (pair[0].place, pair[1].place);
-    (b.0 - a.0).hypot(b.1 - a.1)
+    libm::hypot(b.0 - a.0, b.1 - a.1)
 }
 
 /// What to tell if headings are degrees.
@@ -176,9 +176,10 @@ pub(super) fn degrees<'a>(tracks: impl Iterator<Item = &'a [Sample]>) -> Option<
         }
         largest = largest.max(heading.abs());
         if length(pair) > 0.0 {
-            let way = (pair[1].place.1 - pair[0].place.1).atan2(pair[1].place.0 - pair[0].place.0);
+            let way = libm::atan2(pair[1].place.1 - pair[0].place.1, pair[1].place.0 - pair[0].place.0);
             count += 1.0;
-            agrees = [agrees[0] + (heading - way).cos(), agrees[1] + (heading.to_radians() - way).cos()];
+            agrees =
+                [agrees[0] + libm::cos(heading - way), agrees[1] + libm::cos(heading.to_radians() - way)];
         }
     }
     let why = match (largest > 1.1 * TAU, agrees[1] - agrees[0] > 0.3 * count && count > 5.0) {

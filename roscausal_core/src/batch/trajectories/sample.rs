@@ -53,7 +53,7 @@ impl Sample {
 
     /// The velocity of a speed and a heading.
     pub(super) fn with_velocity(&mut self) {
-        let (vx, vy) = (self.speed * self.heading.cos(), self.speed * self.heading.sin());
+        let (vx, vy) = (self.speed * libm::cos(self.heading), self.speed * libm::sin(self.heading));
         self.velocity = self.velocity.or((vx.is_finite() && vy.is_finite()).then_some((vx, vy)));
     }
 
@@ -61,7 +61,7 @@ impl Sample {
     pub(super) fn heading(&self, scaled: impl Fn((f64, f64)) -> (f64, f64)) -> f64 {
         match self.velocity.map(scaled) {
             _ if !self.heading.is_nan() => self.heading,
-            Some((vx, vy)) => vy.atan2(vx),
+            Some((vx, vy)) => libm::atan2(vy, vx),
             None => 0.0,
         }
     }

@@ -50,7 +50,7 @@ impl Boxed {
     /// Whether a point of the box is nearer than `radius` to `at`.
     pub(super) fn hits_circle(&self, at: Point, radius: f64) -> bool {
         let (x, y) = (at.x.clamp(self.left, self.right), at.y.clamp(self.top, self.bottom));
-        (x - at.x).hypot(y - at.y) < radius
+        libm::hypot(x - at.x, y - at.y) < radius
     }
 }
 
@@ -78,7 +78,7 @@ pub(super) fn at(t: f64, [a, b, c, d]: [Point; 4]) -> Point {
 
 /// The smallest distance of a curve from a point, at the points that are looked at.
 pub(super) fn distance(path: &[Point], from: Point) -> f64 {
-    samples(path).map(|p| (p.x - from.x).hypot(p.y - from.y)).fold(f64::INFINITY, f64::min)
+    samples(path).map(|p| libm::hypot(p.x - from.x, p.y - from.y)).fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]

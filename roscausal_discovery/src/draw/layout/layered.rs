@@ -145,7 +145,7 @@ impl Ports {
         let rim = |v: usize, ports: &[usize], next: usize, side: f64| {
             let place = ports.iter().position(|&slot| slot == next).unwrap_or(0) as f64;
             let turn = FAN * (2.0 * (place + 0.5) / ports.len().max(1) as f64 - 1.0);
-            at(v).plus(side * (NODE + 1.5) * turn.cos(), (NODE + 1.5) * turn.sin())
+            at(v).plus(side * (NODE + 1.5) * libm::cos(turn), (NODE + 1.5) * libm::sin(turn))
         };
         let mut path = vec![rim(first, &self.leave[first], slots[1], 1.0)];
         let mut to = |end: Point| {

@@ -101,12 +101,12 @@ impl Plan {
 fn own_loop(at: Point, out: Point, reach: f64, label: f64) -> (Vec<Point>, Point) {
     let side = Point::new(-out.y, out.x);
     let rim = |turn: f64| {
-        let (sin, cos) = turn.sin_cos();
+        let (sin, cos) = libm::sincos(turn);
         at.plus(NODE * (out.x * cos + side.x * sin), NODE * (out.y * cos + side.y * sin))
     };
     let (start, end) = (rim(-0.6), rim(0.6));
     let bend = at.plus(out.x * NODE * reach, out.y * NODE * reach);
-    let peak = 0.5 * NODE * (0.6_f64.cos() + reach);
+    let peak = 0.5 * NODE * (libm::cos(0.6_f64) + reach);
     // The label begins where the loop ends, whichever way the loop looks.
     let far = peak + 4.0 + (out.x.abs() * label / 2.0).min(label / 2.0) + out.y.abs() * LABEL / 2.0;
     (cubic(start, bend, end), at.plus(out.x * far, out.y * far))

@@ -52,7 +52,7 @@ fn places(n: usize, radius: f64) -> Vec<Point> {
     let radius = if n == 1 { 0.0 } else { radius };
     let place = |i: usize| {
         let angle = begin + TAU * i as f64 / n as f64;
-        Point::new(radius * angle.cos(), radius * angle.sin())
+        Point::new(radius * libm::cos(angle), radius * libm::sin(angle))
     };
     (0..n).map(place).collect()
 }
@@ -65,7 +65,7 @@ fn arcs(nodes: &[Point], edges: &[Edge]) -> Option<Vec<Route>> {
     for edge in edges {
         let (from, to) = (nodes[edge.from], nodes[edge.to]);
         if edge.from == edge.to {
-            let out = if from.x.hypot(from.y) < 1.0 {
+            let out = if libm::hypot(from.x, from.y) < 1.0 {
                 Point::new(0.0, -1.0)
             } else {
                 Point::new(0.0, 0.0).towards(from)
@@ -95,7 +95,7 @@ fn arcs(nodes: &[Point], edges: &[Edge]) -> Option<Vec<Route>> {
 
 fn arc(from: Point, to: Point, bend: f64) -> Vec<Point> {
     let along = from.towards(to);
-    let length = bend * (to.x - from.x).hypot(to.y - from.y);
+    let length = bend * libm::hypot(to.x - from.x, to.y - from.y);
     let middle = Point::new((from.x + to.x) / 2.0, (from.y + to.y) / 2.0);
     let bend = middle.plus(along.y * length, -along.x * length);
     let (leave, arrive) = (from.towards(bend), to.towards(bend));

@@ -48,7 +48,7 @@ impl<T: Real> Dense<T> {
         fill::<T>(inputs, theta, factor.numbers_mut(n * n), derivatives, cores);
         let matrix = factor.numbers_mut::<T>(n * n);
         factorise(MatMut::from_column_major_slice_mut(matrix, n, n), cores)?;
-        let log_determinant = 2.0 * matrix.iter().step_by(n + 1).map(|d| d.double().ln()).sum::<f64>();
+        let log_determinant = 2.0 * matrix.iter().step_by(n + 1).map(|d| libm::log(d.double())).sum::<f64>();
         let of = |parts: Buffer, inverted: bool, traces: Traces| Self {
             n,
             parts,

@@ -65,7 +65,7 @@ impl<T: Real> Incomplete<T> {
             }
             let k = self.rank();
             // Where half of the ranks have not brought half of the digits, all of them will hardly bring the rest.
-            let hopeless = |part: f64| largest > tolerance.powf(part * k as f64 / max_rank as f64);
+            let hopeless = |part: f64| largest > libm::pow(tolerance, part * k as f64 / max_rank as f64);
             if max_rank < n
                 && (k >= max_rank
                     || k >= max_rank / 2 && k > PANEL && hopeless(1.0)

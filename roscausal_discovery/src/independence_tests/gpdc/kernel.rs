@@ -77,7 +77,7 @@ impl Inputs {
         for (i, k) in kernel.iter_mut().enumerate().take(self.n) {
             let rows = self.values.chunks_exact(self.n).zip(place);
             let square: f64 = rows.map(|(row, z)| (row[i] - z).powi(2)).sum();
-            *k = (scale * square).exp();
+            *k = libm::exp(scale * square);
         }
     }
 

@@ -60,7 +60,7 @@ pub(super) fn few_of(n: usize, other: bool) -> Vec<usize> {
 
 /// Whether two searches ended near the same maximum.
 pub(super) fn is_same(a: Theta, b: Theta) -> bool {
-    let near = |a: f64, b: f64| (a / b).ln().abs() <= SAME;
+    let near = |a: f64, b: f64| libm::log(a / b).abs() <= SAME;
     near(a.l.min(NOTHING_FOUND), b.l.min(NOTHING_FOUND)) && near(a.s, b.s)
 }
 
@@ -84,7 +84,7 @@ pub(super) fn curvatures(
 ) -> Option<Hessian> {
     let mut forecast = Forecast::new(y.len());
     let mut look = |by: f64| {
-        let theta = Theta { l: at.l * by.exp(), s: at.s };
+        let theta = Theta { l: at.l * libm::exp(by), s: at.s };
         Some(Likelihood::for_search(inputs, theta, CURVATURE_ERROR, &mut forecast, resources)?.evaluate(y))
     };
     let (below, above) = (look(-APART)?, look(APART)?);
@@ -159,7 +159,7 @@ fn least_curvature([[a, b], [_, c]]: &Hessian) -> f64 {
 fn correct(hessian: &mut Hessian, step: [f64; 2], change: [f64; 2]) {
     let off = [0, 1].map(|i| change[i] - hessian[i][0] * step[0] - hessian[i][1] * step[1]);
     let along = off[0] * step[0] + off[1] * step[1];
-    if along.abs() > 1e-8 * off[0].hypot(off[1]) * step[0].hypot(step[1]) {
+    if along.abs() > 1e-8 * libm::hypot(off[0], off[1]) * libm::hypot(step[0], step[1]) {
         (0..2).for_each(|i| (0..2).for_each(|j| hessian[i][j] += off[i] * off[j] / along));
     }
 }

@@ -175,7 +175,8 @@ impl Likelihood {
         let (n, form, s) = (y.len(), self.form(), self.theta.s);
         let (traces, Solution { alpha, squared, derivative }) = (form.traces(), form.solve(y));
         let by_noise = 0.5 * s * (traces.inverse - dot(&alpha, &alpha));
-        let value = 0.5 * (dot(y, &alpha) + form.log_determinant() + n as f64 * std::f64::consts::TAU.ln());
+        let value =
+            0.5 * (dot(y, &alpha) + form.log_determinant() + n as f64 * libm::log(std::f64::consts::TAU));
         let truncation = form.truncation_error(&alpha);
         let rounding = match self.form {
             Form::DenseSingle(_) => single_error(n, self.theta),

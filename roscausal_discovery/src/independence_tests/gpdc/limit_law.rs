@@ -37,7 +37,7 @@ pub(super) fn above(x: f64) -> f64 {
         return by_sum(x);
     }
     // As of the largest weight alone: the others add a factor that no longer changes.
-    by_sum(TAIL) * (-(x - TAIL) / (2.0 * LARGEST)).exp() * (TAIL / x).sqrt()
+    by_sum(TAIL) * libm::exp(-(x - TAIL) / (2.0 * LARGEST)) * (TAIL / x).sqrt()
 }
 
 fn by_sum(x: f64) -> f64 {
@@ -46,7 +46,7 @@ fn by_sum(x: f64) -> f64 {
     }
     let term = |(k, (size, phase)): (usize, &(f64, f64))| {
         let half = k as f64 + 0.5;
-        size.exp() * (phase - half * STEP * x).sin() / half
+        libm::exp(*size) * libm::sin(phase - half * STEP * x) / half
     };
     let sum: f64 = HALF_STEPS.iter().enumerate().map(term).sum();
     (0.5 + sum / PI).clamp(0.0, 1.0)
@@ -80,10 +80,10 @@ fn log_sine_quotient(a: f64) -> (f64, f64) {
         return (a.powi(4) / 45.0 - a.powi(8) / 2362.5, -a * a / 3.0 + a.powi(6) / 354.375);
     }
     // sin z = (i / 2) exp(a - i a) (1 - exp(2 i z))
-    let (small, angle) = ((-2.0 * a).exp(), 2.0 * a);
-    let (real, imaginary) = (1.0 - small * angle.cos(), -small * angle.sin());
-    let log_size = a - 0.5 * (8.0 * a * a).ln() + 0.5 * (real * real + imaginary * imaginary).ln();
-    (log_size, 0.25 * PI - a + imaginary.atan2(real))
+    let (small, angle) = (libm::exp(-2.0 * a), 2.0 * a);
+    let (real, imaginary) = (1.0 - small * libm::cos(angle), -small * libm::sin(angle));
+    let log_size = a - 0.5 * libm::log(8.0 * a * a) + 0.5 * libm::log(real * real + imaginary * imaginary);
+    (log_size, 0.25 * PI - a + libm::atan2(imaginary, real))
 }
 
 #[cfg(test)]

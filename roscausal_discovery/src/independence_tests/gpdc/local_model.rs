@@ -93,8 +93,8 @@ impl CubicModel {
         // The direction of the least second derivative, and the row that gives it from the coefficients.
         let middle = 0.5 * (hessian[0][0] + hessian[1][1]);
         let curvature = determinant / (middle + (middle * middle - determinant).max(0.0).sqrt());
-        let angle = 0.5 * (2.0 * hessian[0][1]).atan2(hessian[0][0] - hessian[1][1]);
-        let (v, u) = (angle.cos(), -angle.sin());
+        let angle = 0.5 * libm::atan2(2.0 * hessian[0][1], hessian[0][0] - hessian[1][1]);
+        let (v, u) = (libm::cos(angle), -libm::sin(angle));
         let (a, b, c) = (u * u, 2.0 * u * v, v * v);
         let row = [a, b, c, a * d[0], a * d[1] + b * d[0], b * d[1] + c * d[0], c * d[1]];
         let curvature_deviation = product(&row, &solve(&self.information, &row, &[true; TERMS])?).sqrt();
@@ -130,7 +130,8 @@ impl CubicModel {
     fn fit(at: &Seen, before: &[Seen], scales: [f64; 2]) -> Option<Self> {
         let [p, q] = scales;
         let mixed = MIXED * (p * q).sqrt();
-        let third = |k: i32| THIRD * p.powf(1.0 - f64::from(k) / 3.0) * q.powf(f64::from(k) / 3.0);
+        let third =
+            |k: i32| THIRD * libm::pow(p, 1.0 - f64::from(k) / 3.0) * libm::pow(q, f64::from(k) / 3.0);
         let deviations = [3.0 * p, mixed, 3.0 * q, third(0), third(1), third(2), third(3)];
         let mut information = [[0.0; TERMS]; TERMS];
         let mut sums = [0.0; TERMS];
@@ -159,7 +160,7 @@ impl CubicModel {
             let rows = gradient_rows(d);
             let neglected = neglected(d, scales);
             for i in 0..2 {
-                let deviation = neglected[i].hypot(at.errors[i]).hypot(seen.errors[i]);
+                let deviation = libm::hypot(libm::hypot(neglected[i], at.errors[i]), seen.errors[i]);
                 learn(rows[i], seen.point.gradient[i] - at.point.gradient[i], deviation);
             }
             if let Some(curvature) = seen.curvature {

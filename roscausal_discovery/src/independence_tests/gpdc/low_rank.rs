@@ -78,8 +78,8 @@ impl<T: Real> LowRank<T> {
         let mut inner = symmetric_product(factor.factor(), r);
         inner.iter_mut().step_by(r + 1).for_each(|d| *d += theta.s);
         whole(view_mut(&mut inner, r))?;
-        let log_determinant =
-            (n - r) as f64 * theta.s.ln() + 2.0 * inner.iter().step_by(r + 1).map(|d| d.ln()).sum::<f64>();
+        let log_determinant = (n - r) as f64 * libm::log(theta.s)
+            + 2.0 * inner.iter().step_by(r + 1).map(|d| libm::log(*d)).sum::<f64>();
         let traces = Traces::default();
         let mut at = Self { s: theta.s, factor, inner, gradient: None, log_determinant, traces };
         if let Some(derivative) = derivative {

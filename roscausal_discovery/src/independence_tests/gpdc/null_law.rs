@@ -53,7 +53,7 @@ pub(super) fn p_value(x: &[u32], y: &[u32], value: f64) -> f64 {
 fn corrected(x: f64, n: usize) -> f64 {
     let n = n as f64;
     let of_most = (CURVATURE * x / (n - 1.0)).min(1.0 - f64::EPSILON);
-    -SHIFT / n - (1.0 - SCALE / n) * (n - 1.0) / CURVATURE * (-of_most).ln_1p()
+    -SHIFT / n - (1.0 - SCALE / n) * (n - 1.0) / CURVATURE * libm::log1p(-of_most)
 }
 
 /// Sums of a centred distance kernel of ranks, `A_ij = -|r_i - r_j|` without its row and column means.

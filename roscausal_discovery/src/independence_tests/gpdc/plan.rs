@@ -120,8 +120,8 @@ impl Forecast {
     /// The rank at a length scale and tolerance by that of the last low-rank form.
     fn expected_rank(&self, inputs: &Inputs, l: f64, tolerance: f64) -> Option<f64> {
         self.pivots.as_ref().map(|(pivots, (at, than))| {
-            let growth = at / l * tolerance.ln() / than.ln();
-            pivots.len() as f64 * growth.powf(RANK_GROWTH * inputs.dimensions() as f64)
+            let growth = at / l * libm::log(tolerance) / libm::log(*than);
+            pivots.len() as f64 * libm::pow(growth, RANK_GROWTH * inputs.dimensions() as f64)
         })
     }
 
@@ -137,7 +137,10 @@ impl Forecast {
         };
         let interpolated = tolerance(Derivative::Interpolated);
         let consistent = tolerance(Derivative::Consistent);
-        let ranks = (interpolated.ln() / consistent.ln()).powf(RANK_GROWTH * inputs.dimensions() as f64);
+        let ranks = libm::pow(
+            libm::log(interpolated) / libm::log(consistent),
+            RANK_GROWTH * inputs.dimensions() as f64,
+        );
         let low = self.expected_rank(inputs, theta.l, interpolated).is_some_and(|rank| rank < LOW_RANK);
         let (tolerance, derivative) = if interpolated <= ROUNDING || !low && ranks * ranks > CONSISTENT_COST {
             (consistent, Derivative::Consistent)

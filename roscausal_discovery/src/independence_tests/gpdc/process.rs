@@ -143,7 +143,9 @@ impl Features {
         let waves = self.frequencies.chunks_exact(place.len().max(1)).zip(&self.phases);
         let angle =
             |(wave, phase): (&[f64], &f64)| wave.iter().zip(place).fold(*phase, |sum, (w, x)| sum + w * x);
-        self.deviation * (2.0 / FEATURES as f64).sqrt() * waves.map(|wave| angle(wave).cos()).sum::<f64>()
+        self.deviation
+            * (2.0 / FEATURES as f64).sqrt()
+            * waves.map(|wave| libm::cos(angle(wave))).sum::<f64>()
     }
 }
 
@@ -215,8 +217,8 @@ impl GpRegression {
         for (l, s) in lengths.into_iter().flat_map(|l| ratios.map(|s| (l, s))) {
             let Ok(factor) = covariance(&inputs, l, |_| s) else { continue };
             let product: f64 = y.iter().zip(solve(&factor, &y)).map(|(y, w)| y * w).sum();
-            let half: f64 = factor.L().diagonal().column_vector().iter().map(|d| d.ln()).sum();
-            let likelihood = -0.5 * y.len() as f64 * product.ln() - half;
+            let half: f64 = factor.L().diagonal().column_vector().iter().map(|d| libm::log(*d)).sum();
+            let likelihood = -0.5 * y.len() as f64 * libm::log(product) - half;
             if likelihood > best.0 {
                 best = (likelihood, l, s);
             }
@@ -241,9 +243,11 @@ impl GpRegression {
         let y = standardized(target);
         let factor = covariance(&inputs, theta.l, |_| theta.s)?;
         let weights = solve(&factor, &y);
-        let log_determinant: f64 = factor.L().diagonal().column_vector().iter().map(|d| 2.0 * d.ln()).sum();
+        let log_determinant: f64 =
+            factor.L().diagonal().column_vector().iter().map(|d| 2.0 * libm::log(*d)).sum();
         let product: f64 = y.iter().zip(&weights).map(|(y, w)| y * w).sum();
-        let log_likelihood = -0.5 * (product + log_determinant + y.len() as f64 * std::f64::consts::TAU.ln());
+        let log_likelihood =
+            -0.5 * (product + log_determinant + y.len() as f64 * libm::log(std::f64::consts::TAU));
         let scales = conditions.iter().map(|row| moments(row)).collect();
         let amplitude = product / y.len() as f64;
         Ok(Self {

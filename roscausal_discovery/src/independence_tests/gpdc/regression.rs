@@ -289,7 +289,7 @@ impl GaussianProcess {
                 if value.curvature <= 0.0 {
                     break;
                 }
-                theta.s *= (-value.gradient[1] / value.curvature).clamp(-2.0, 2.0).exp();
+                theta.s *= libm::exp((-value.gradient[1] / value.curvature).clamp(-2.0, 2.0));
             }
         }
         Ok(best)

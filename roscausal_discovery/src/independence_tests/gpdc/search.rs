@@ -278,7 +278,7 @@ impl End {
     fn is_surprised_by(&self, seen: &Seen) -> bool {
         (0..2).any(|i| {
             let off = (seen.point.gradient[i] - self.predicted.gradient[i]).abs();
-            off > SURPRISE * self.predicted.deviations[i].hypot(seen.errors[i])
+            off > SURPRISE * libm::hypot(self.predicted.deviations[i], seen.errors[i])
         })
     }
 }

@@ -23,17 +23,17 @@ impl Theta {
 
     /// From `(ln l, ln s)`.
     pub(super) fn from_logarithms([l, s]: [f64; 2]) -> Self {
-        Self { l: l.exp(), s: s.exp() }
+        Self { l: libm::exp(l), s: libm::exp(s) }
     }
 
     /// Anywhere from a hundredth to a hundred, evenly by logarithms.
     pub(super) fn random(rng: &mut Rng) -> Self {
-        let mut between = || 100f64.ln() * (2.0 * rng.unit() - 1.0);
+        let mut between = || libm::log(100f64) * (2.0 * rng.unit() - 1.0);
         Self::from_logarithms([between(), between()])
     }
 
     /// `(ln l, ln s)`.
     pub(super) fn logarithms(self) -> [f64; 2] {
-        [self.l.ln(), self.s.ln()]
+        [libm::log(self.l), libm::log(self.s)]
     }
 }

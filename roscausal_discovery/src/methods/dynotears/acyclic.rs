@@ -21,7 +21,7 @@ fn exponential(matrix: Square<'_>, n: usize) -> Vec<f64> {
     let row_sum = |i: usize| matrix[i * n..(i + 1) * n].iter().sum::<f64>();
     let norm = (0..n).map(row_sum).fold(0.0, f64::max);
     // Beyond this the exponential is not a number; the weights of such a graph are far from any minimum.
-    let doublings = if norm > 0.5 { (norm / 0.5).log2().ceil().min(60.0) as i32 } else { 0 };
+    let doublings = if norm > 0.5 { libm::log2(norm / 0.5).ceil().min(60.0) as i32 } else { 0 };
     let scale = 0.5_f64.powi(doublings);
     let small: Vec<f64> = matrix.iter().map(|v| v * scale).collect();
     let mut sum = identity(n);

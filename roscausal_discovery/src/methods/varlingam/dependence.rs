@@ -14,11 +14,10 @@
 
 use std::f64::consts::PI;
 
-use faer::{Accum, Mat, MatRef, Par, linalg::matmul::matmul};
 use rayon::prelude::*;
 use statrs::function::gamma::checked_gamma_ur;
 
-use crate::numeric::rows::sum;
+use crate::numeric::rows::{dot, sum};
 
 /// Frequencies of each series.
 const FREQUENCIES: usize = 6;
@@ -52,20 +51,16 @@ fn write_waves(values: &[f64], cosines: &[f64], waves: &mut [f64]) {
 pub(super) fn p_values(series: &[Vec<f64>], pairs: &[(usize, usize)]) -> Vec<f64> {
     let n = series.first().map_or(0, Vec::len);
     let mut waves = vec![0.0; n * series.len() * FREQUENCIES];
-    let cosines: Vec<f64> = (0..=2 * n).map(|m| (0.5 * PI * m as f64 / n as f64).cos()).collect();
+    let cosines: Vec<f64> = (0..=2 * n).map(|m| libm::cos(0.5 * PI * m as f64 / n as f64)).collect();
     let rooms = waves.par_chunks_exact_mut((n * FREQUENCIES).max(1));
     rooms.zip(series).for_each(|(room, values)| write_waves(values, &cosines, room));
-    let columns = MatRef::from_column_major_slice(&waves, n, series.len() * FREQUENCIES);
-    let mut products = Mat::zeros(columns.ncols(), columns.ncols());
-    matmul(products.as_mut(), Accum::Replace, columns.transpose(), columns, 1.0, Par::Seq);
+    let wave = |x: usize, k: usize| &waves[(x * FREQUENCIES + k) * n..][..n];
     let statistic = |&(x, y): &(usize, usize)| {
         let frequencies = (0..FREQUENCIES).flat_map(|j| (0..FREQUENCIES).map(move |k| (j, k)));
-        let part = |(j, k): (usize, usize)| {
-            weight(j + 1, k + 1) * products[(x * FREQUENCIES + j, y * FREQUENCIES + k)].powi(2)
-        };
+        let part = |(j, k): (usize, usize)| weight(j + 1, k + 1) * dot(wave(x, j), wave(y, k)).powi(2);
         4.0 / n.max(1) as f64 * frequencies.map(part).sum::<f64>()
     };
-    pairs.iter().map(|pair| survival(statistic(pair))).collect()
+    pairs.par_iter().map(|pair| survival(statistic(pair))).collect()
 }
 
 fn weight(j: usize, k: usize) -> f64 {

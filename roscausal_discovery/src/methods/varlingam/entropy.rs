@@ -12,7 +12,7 @@ use crate::numeric::special::exp_of_negative;
 /// The entropy of `x + slope y`, scaled by `scale` to deviation 1. Both have mean 0.
 pub(super) fn entropy(arch: Arch, x: &[f64], y: &[f64], slope: f64, scale: f64) -> f64 {
     let (cosh, skewed) = arch.dispatch(Averages { x, y, slope, scale });
-    let gaussian = 0.5 * (1.0 + (2.0 * std::f64::consts::PI).ln());
+    let gaussian = 0.5 * (1.0 + libm::log(2.0 * std::f64::consts::PI));
     gaussian - 79.047 * (cosh - 0.37457).powi(2) - 7.4129 * skewed.powi(2)
 }
 
@@ -52,12 +52,12 @@ impl NullaryFnOnce for Averages<'_> {
             for (x, y) in x_rest.iter().zip(y_rest) {
                 let u = scale * slope.mul_add(*y, *x);
                 sizes += u.abs();
-                logarithms += (1.0 + exp_of_negative(-2.0 * u.abs())).ln();
+                logarithms += libm::log(1.0 + exp_of_negative(-2.0 * u.abs()));
                 skewed += u * exp_of_negative(-0.5 * u * u);
             }
             for k in 0..LANES {
                 sizes += size[k];
-                logarithms += product[k].ln();
+                logarithms += libm::log(product[k]);
                 skewed += skew[k];
             }
         }

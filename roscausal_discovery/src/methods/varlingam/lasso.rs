@@ -58,7 +58,7 @@ pub(super) fn support(products: &Products, target: usize, candidates: &[usize], 
     loop {
         let used: Vec<usize> = (0..candidates.len()).filter(|&k| path.coefficients[k].abs() > ZERO).collect();
         let rss = (square - path.explained()).max(0.0);
-        let bic = rss / s2 + (n as f64).ln() * used.len() as f64;
+        let bic = rss / s2 + libm::log(n as f64) * used.len() as f64;
         if bic < best.0 {
             best = (bic, used);
         }

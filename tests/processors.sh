@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# tests/processors.sh [COMMAND]: docs/platforms.md promises the same bytes on every processor. Simulates, records and analyses here, on two
+# x86 processors that qemu plays (without and with wide vectors), and with COMMAND, another `roscausal`, if one is given.
+# Ends with 'N passed, N failed'. Exit 77 when qemu cannot be had.
+set -uo pipefail
+cd "$(dirname "$0")/.."
+. tests/lib.sh
+
+if [ "$(uname -m)" = x86_64 ]; then
+  command -v qemu-x86_64 >/dev/null || debian qemu-user
+fi
+prepare_only "$@"
+cargo build "${workspace[@]}" --quiet --bin roscausal || broken "the command cannot be built"
+roscausal=$(program roscausal)
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+# made FOLDER COMMAND...: what is promised, as files: a run with its batches, and models by the methods that have closed forms.
+made() {
+  local to=$1 data=$work/here/demo/data_pool/analysed how
+  shift
+  "$@" demo --scenario crowd --seed 3 --duration 60 --method pcmci --test parcorr --out "$to/demo" -q --threads 1 >/dev/null || return
+  for how in "pcmci --test parcorr" "pcmci --test robust_parcorr" "pcmciplus --test parcorr" "lpcmci --test parcorr" granger varlingam; do
+    # shellcheck disable=SC2086 # the method and its test are words
+    "$@" discover "$data"/*.csv --method $how --tau-max 2 --resamples 10 --threads 1 --out "$to/${how// /}" -q >/dev/null || return
+  done
+  # Pictures of dots come from a library.
+  find "$to" -name '*.png' -o -name '*.pdf' | xargs rm -f
+}
+
+made "$work/here" "$roscausal" || broken "the command does not run"
+passed=0 failed=0
+same() { # where, then the command
+  local where=$1
+  shift
+  if made "$work/$where" "$@" && diff -rq "$work/here" "$work/$where"; then
+    passed=$((passed + 1)) && echo "ok: the same bytes on $where"
+  else
+    failed=$((failed + 1)) && echo "FAIL: other bytes on $where" >&2
+  fi
+}
+if [ "$(uname -m)" = x86_64 ]; then
+  same Nehalem qemu-x86_64 -cpu Nehalem "$roscausal"
+  same Haswell qemu-x86_64 -cpu Haswell "$roscausal"
+fi
+# shellcheck disable=SC2086 # the command is words
+[ $# -eq 0 ] || same "the machine of '$1'" $1
+echo "$passed passed, $failed failed"
+[ $failed -eq 0 ]
