@@ -4,7 +4,7 @@ use std::{path::PathBuf, time::Instant};
 
 use roscausal_core::{Error, Result, threads};
 use roscausal_discovery::{
-    Control, DataFrame, Recommendation, Settings, analyse_with_evidence,
+    Control, DataFrame, Recommendation, Settings,
     confidence::{Resampled, Resampling, resample},
     methods::Method,
     settings::{Group, Kind, Readers, Request, SETTINGS, setting},
@@ -190,13 +190,7 @@ impl MeansArgs {
         let control = Control::default().cancel_on(interrupt.flag());
         let control = control.on_progress(move |progress| chart::show(&shown, progress));
         let control = self.within_budget(control)?;
-        let mut found = self.in_pool(|| {
-            let Some(resampling) = resampling else {
-                let (model, evidence) = analyse_with_evidence(data, settings, &control)?;
-                return Ok(Resampled { model, evidence, graphs: Vec::new() });
-            };
-            Ok(resample(data, settings, resampling, &control)?)
-        })?;
+        let mut found = self.in_pool(|| Ok(resample(data, settings, resampling, &control)?))?;
         bar.finish_and_clear();
         if let Some(effort) = control.effort() {
             tracing::info!("{effort}");

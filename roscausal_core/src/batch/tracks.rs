@@ -11,8 +11,8 @@ use super::risk::Body;
 
 /// Most samples of one body that wait to become rows.
 const MOST: usize = 100_000;
-/// The usual interval is one of so many, at first of a third of them, each the mean of some that follow each other: jitter is less in these. A third of them are
-/// shorter, as lost samples make them longer.
+/// The usual interval is that below which a third of the last so many lie, since lost samples make intervals longer. Each is a mean of a
+/// few neighbours, which evens out jitter. At the begin a third as many are enough.
 const INTERVALS: usize = 15;
 const TOGETHER: usize = 3;
 /// Where samples come at least as often as rows, give or take this share of a step, ...

@@ -12,7 +12,7 @@ use std::{
 };
 
 use roscausal_discovery::{
-    Control, Evidence, Levelled, Levels, Model, Progress, analyse_with_evidence,
+    Control, Evidence, Levelled, Levels, Model, Progress,
     changes::{Form, Status},
     confidence::{resample, set_step},
     draw,
@@ -531,16 +531,8 @@ fn method(
                 (external::run(program, paths, &settings, params.request.threads, control)?, None)
             }
             None => in_pool(params.request.threads, || {
-                Ok(match &params.resampling {
-                    Some(resampling) => {
-                        let found = resample(&part.data, &settings, resampling, control)?;
-                        (found.model, Some(found.evidence))
-                    }
-                    None => {
-                        let (model, evidence) = analyse_with_evidence(&part.data, &settings, control)?;
-                        (model, Some(evidence))
-                    }
-                })
+                let found = resample(&part.data, &settings, params.resampling.as_ref(), control)?;
+                Ok((found.model, Some(found.evidence)))
             })?,
         };
         set_step(&mut model, joint.dt);

@@ -96,17 +96,22 @@ pub fn analyse_resampled(
     Ok(resampled(data, settings, resampling, control, false)?.model)
 }
 
-/// As [`analyse_resampled`], and keeps what stands behind the links and the graph of each resample. The model is the same.
+/// As [`analyse_resampled`], or [`analyse`] without resampling, and keeps what stands behind the links and the graph of each
+/// resample. The model is the same.
 ///
 /// # Errors
 /// As [`analyse_resampled`].
 pub fn resample(
     data: &DataFrame,
     settings: &Settings,
-    resampling: &Resampling,
+    resampling: Option<&Resampling>,
     control: &Control,
 ) -> Result<Resampled> {
-    resampled(data, settings, resampling, control, true)
+    if let Some(resampling) = resampling {
+        return resampled(data, settings, resampling, control, true);
+    }
+    let (model, evidence) = analyse_with_evidence(data, settings, control)?;
+    Ok(Resampled { model, evidence, graphs: Vec::new() })
 }
 
 fn resampled(

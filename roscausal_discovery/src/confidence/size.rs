@@ -87,7 +87,7 @@ mod tests {
         let settings =
             Settings { method: Method::Pcmci, cond_ind_test: "parcorr".into(), ..Settings::default() };
         let resampling = Resampling { resamples: 20, ..Resampling::default() };
-        let model = resample(&data, &settings, &resampling, &Control::default()).unwrap().model;
+        let model = resample(&data, &settings, Some(&resampling), &Control::default()).unwrap().model;
         let link = model.links.iter().find(|link| link.cause == "h_risk" && link.effect == "h_v").unwrap();
         let size = link.size.unwrap();
         assert_eq!(size.step, 0.02);
