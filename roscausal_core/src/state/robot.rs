@@ -26,7 +26,7 @@ const JUMP_S: f64 = 1.0;
 const SPEED_OVER_S: (f64, f64) = (0.1, 1.0);
 
 /// The robot's state from its topics: one state for each pose that has odometry close to it in time.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct RobotTracker {
     target_frame: String,
     /// The robot's own frame, when its place in TF is the pose.
@@ -54,17 +54,8 @@ impl RobotTracker {
     pub fn new(target_frame: &str, queue_size: usize, slop_s: f64) -> Self {
         Self {
             target_frame: target_frame.trim_start_matches('/').to_owned(),
-            pose_frame: None,
             pairing: Pairing::new(queue_size, slop_s),
-            goals: Goals::default(),
-            waiting: VecDeque::new(),
-            newest: None,
-            past: None,
-            tf: TfBuffer::default(),
-            without_transform: 0,
-            unstamped: 0,
-            jumps: 0,
-            trouble: None,
+            ..Self::default()
         }
     }
 

@@ -15,7 +15,7 @@ const MOST: usize = 4096;
 ///
 /// A pair is made once its B is known to be the nearest, that is, when a B at or after A's stamp has arrived. So
 /// the pairs depend on the stamps only, not on the order in which the two topics arrive.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Pairing<A, B> {
     a: VecDeque<(Time, A)>,
     b: VecDeque<(Time, B)>,

@@ -59,7 +59,7 @@ pub struct Trip<'a> {
 }
 
 /// One way at one moment.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Choice {
     /// Seconds to wait.
     pub wait: f64,
@@ -218,16 +218,8 @@ impl House<'_> {
         places: Vec<usize>,
     ) -> Option<Choice> {
         let wait = step as f64 * STEP;
-        let mut choice = Choice {
-            wait,
-            seconds: Expected::default(),
-            least: 0.0,
-            people: 0.0,
-            battery: self.drain.second * wait,
-            late: None,
-            cost: self.waiting(trip, wait),
-            places,
-        };
+        let (battery, cost) = (self.drain.second * wait, self.waiting(trip, wait));
+        let mut choice = Choice { wait, battery, cost, places, ..Choice::default() };
         // Seconds that a person more costs, by place.
         let mut weights = vec![(0.0, 0.0); choice.places.len()];
         for (k, pair) in choice.places.windows(2).enumerate() {
