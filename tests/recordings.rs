@@ -9,7 +9,8 @@ use std::{fs, path::Path, process::Output, sync::OnceLock};
 use common::{csv_files, roscausal};
 use roscausal_core::Time;
 use roscausal_msgs::{
-    geometry_msgs::{Pose, PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped},
+    HumanState, Humans, RobotState,
+    geometry_msgs::{Pose, Pose2D, PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped},
     nav_msgs::{Odometry, Path as Plan},
     std_msgs::Header,
     tf2_msgs::TFMessage,
@@ -519,6 +520,38 @@ fn one_of_several_robots_is_chosen_by_its_name_with_all_its_topics() {
         let mean = ys.iter().sum::<f64>() / ys.len() as f64;
         assert!(ys.len() > 150 && (mean - away).abs() < 0.3, "{robot}: {mean} of {} rows", ys.len());
     }
+}
+
+#[test]
+fn states_of_a_robot_in_a_namespace_are_found_by_its_name() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let mut writer = McapWriter::create(dir.path().join("states.mcap")).expect("a file");
+    for step in 0..300 {
+        let stamp = Time::from_secs_f64(100.0 + 0.1 * f64::from(step));
+        let header = Header { stamp, frame_id: "map".into() };
+        for (robot, x) in [("r1", 0.0), ("r2", 10.0)] {
+            let pose2d = Pose2D { x, y: 0.01 * f64::from(step % 7), theta: 0.0 };
+            let state = RobotState { header: header.clone(), pose2d, ..RobotState::default() };
+            let person = HumanState { header: header.clone(), id: 1000, pose2d, ..HumanState::default() };
+            let people = Humans { header: header.clone(), humans: vec![person] };
+            writer.write(&format!("/{robot}/roscausal/robot"), stamp, &state).expect("is written");
+            writer.write(&format!("/{robot}/roscausal/humans"), stamp, &people).expect("is written");
+        }
+    }
+    writer.finish().expect("is complete");
+    let replay = |more: &[&str]| {
+        let args = ["replay", "states.mcap", "--out", "out", "--ts-length", "0"];
+        stated(&roscausal(dir.path(), &[&args[..], more, &QUICK].concat()))
+    };
+    assert!(replay(&["--robot", "r3"]).contains("there is no robot 'r3'"), "{}", replay(&["--robot", "r3"]));
+    let reported = replay(&["--robot", "r2"]);
+    assert!(reported.contains("states: /r2/roscausal/robot and /r2/roscausal/humans"), "{reported}");
+    let (_, table) = csv_files(&dir.path().join("out/data_pool")).remove(0);
+    let mut rows = table.lines();
+    let place = rows.next().and_then(|header| header.split(',').position(|name| name == "r_x"));
+    let place = place.expect("a column");
+    let xs: Vec<&str> = rows.filter_map(|row| row.split(',').nth(place)).collect();
+    assert!(xs.len() > 250 && xs.iter().all(|x| x.parse() == Ok(10.0)), "{xs:?}");
 }
 
 #[test]

@@ -58,7 +58,8 @@ fn each_of_two_robots_has_its_own_person_and_place() {
                 .expect("advertises"),
         )
     });
-    for t in 0..20 {
+    // Person 2 leaves after two seconds; the others stay.
+    for t in 0..50 {
         let header =
             Header { stamp: Time::from_secs_f64(100.0 + 0.1 * f64::from(t)), frame_id: "map".into() };
         bus.advance_to(header.stamp);
@@ -70,7 +71,8 @@ fn each_of_two_robots_has_its_own_person_and_place() {
             pose.publish(&place).expect("publishes");
         }
         let track = |id: u64| TrackedPerson { track_id: id, ..TrackedPerson::default() };
-        people.publish(&TrackedPersons { header, tracks: [1, 2, 3].map(track).to_vec() }).expect("publishes");
+        let there = [1, 2, 3].into_iter().filter(|id| *id != 2 || t < 20);
+        people.publish(&TrackedPersons { header, tracks: there.map(track).collect() }).expect("publishes");
         bus.settle();
     }
     let topics: BTreeSet<String> = world.topics().into_iter().map(|(topic, _)| topic).collect();

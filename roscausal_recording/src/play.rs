@@ -27,7 +27,7 @@ pub fn replay(
     Ok(count)
 }
 
-/// Publishes the messages of a recording on a middleware, under their own types and names ([`Topic::playable`]).
+/// Publishes the messages of a recording on a middleware, under their own types.
 pub struct Player {
     publish: Vec<Option<Box<PublishBytes>>>,
     skipped: Vec<String>,
@@ -39,21 +39,22 @@ type PublishBytes = dyn FnMut(&Topic, &[u8]) -> Result<()> + Send;
 const QUEUE: usize = 100;
 
 impl Player {
-    /// Advertises the topics for which `wanted` returns true and whose types are known.
+    /// Advertises the topics that `name` gives a name, mostly [`Topic::playable`], and whose types are known.
     ///
     /// # Errors
     /// A topic that the middleware refuses.
     pub fn new<M: Middleware>(
         mw: &M,
         recording: &Recording,
-        wanted: impl Fn(&Topic) -> bool,
+        name: impl Fn(&Topic) -> Option<String>,
     ) -> Result<Self> {
         let (mut publish, mut skipped) = (Vec::new(), Vec::new());
         for topic in recording.topics() {
-            let is_wanted = wanted(topic);
-            let known = topic.known_type().filter(|_| is_wanted);
-            let publisher = known.and_then(|known| visit(known, Advertise { mw, topic })).transpose()?;
-            if is_wanted && publisher.is_none() {
+            let name = name(topic);
+            let known = name.as_deref().zip(topic.known_type());
+            let publisher =
+                known.and_then(|(name, known)| visit(known, Advertise { mw, topic, name })).transpose()?;
+            if name.is_some() && publisher.is_none() {
                 skipped.push(format!("{} ({})", topic.name, topic.type_name));
             }
             publish.push(publisher);
@@ -81,6 +82,7 @@ impl Player {
 struct Advertise<'a, M> {
     mw: &'a M,
     topic: &'a Topic,
+    name: &'a str,
 }
 
 impl<M: Middleware> TypeVisitor for Advertise<'_, M> {
@@ -89,7 +91,7 @@ impl<M: Middleware> TypeVisitor for Advertise<'_, M> {
     fn visit<T: Message>(self) -> Self::Output {
         let static_transforms = self.topic.name.trim_start_matches('/') == "tf_static";
         let qos = if self.topic.latched || static_transforms { Qos::Latched } else { Qos::Volatile(QUEUE) };
-        let publisher = self.mw.advertise::<T>(&self.topic.playable(), qos).map_err(|error| match error {
+        let publisher = self.mw.advertise::<T>(self.name, qos).map_err(|error| match error {
             Error::Topic { topic, reason } => {
                 Error::Topic { topic, reason: format!("cannot be played: {reason}") }
             }

@@ -160,7 +160,7 @@ fn what_is_published_is_recorded_and_played_again() {
     let hears = heard.clone();
     let hear = move |message| hears.lock().unwrap().push(message);
     let _subscription = listener.subscribe("/roscausal/humans", Qos::Volatile(10), hear).unwrap();
-    let mut player = Player::new(&bus.node("player"), &recording, |_| true).unwrap();
+    let mut player = Player::new(&bus.node("player"), &recording, |topic| Some(topic.playable())).unwrap();
     assert_eq!(player.skipped(), &[] as &[String]);
     replay(&mut recording, |topic, record| {
         bus.advance_to(record.stamp);

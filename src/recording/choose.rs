@@ -80,9 +80,12 @@ impl Chooser<'_> {
     pub(super) fn named_robot(&self, name: &str) -> Result<Space> {
         let robots = self.robots();
         let known = robots.iter().any(|robot| robot.is_called(name));
-        let framed =
+        let mut others =
             if known { Vec::new() } else { robots::framed(&coverage::frames(self.path, "/tf")?, &BASES) };
-        robots::named(name, &robots, &framed)
+        let with_state =
+            |topic: &Topic| Some(topic.name.strip_suffix(STATES[0].0)?.trim_matches('/').to_owned());
+        others.extend(self.recording.topics().iter().filter_map(with_state).filter(|name| !name.is_empty()));
+        robots::named(name, &robots, &others)
     }
 
     /// A topic for each of the robots that are not the one with the topics `own`: its odometry, if `transforms` of all are heard,
@@ -258,8 +261,9 @@ impl Chooser<'_> {
 
     pub(super) fn has_only_states(&self) -> bool {
         let topics = || self.recording.topics().iter().filter(|topic| topic.known_type().is_some());
-        let there =
-            |(name, kind): (&str, &str)| topics().any(|topic| topic.name == name && topic.type_name == kind);
+        let there = |(name, kind)| {
+            topics().any(|topic| topic.name == self.robot.full(name) && topic.type_name == kind)
+        };
         self.one(&ROBOT_ODOM, None).is_ok_and(|topic| topic.is_none()) && STATES.into_iter().all(there)
     }
 

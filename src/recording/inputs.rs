@@ -144,6 +144,8 @@ pub(crate) struct Inputs {
     kinds: BTreeMap<String, String>,
     /// Topics of goals.
     goals: Vec<String>,
+    /// Whose states are played, as if its nodes were in no namespace.
+    states_of: Space,
     /// Whose stamps are replaced by the time of recording.
     pub(crate) clock: ClockChoice,
     /// Mistaken stamps.
@@ -175,14 +177,11 @@ impl Inputs {
             inputs.nodes = &["data"];
             inputs.set("data", "sel_agent", NOBODY);
             inputs.chosen.push("only signals are read, no robot and no people".into());
-        } else if args.robot.is_none()
-            && args.robot_odom.is_none()
-            && args.people.is_empty()
-            && chooser.has_only_states()
-        {
+        } else if args.robot_odom.is_none() && args.people.is_empty() && chooser.has_only_states() {
             inputs.nodes = &["data"];
-            inputs.topics = STATES.map(|(name, _)| name.to_owned()).to_vec();
-            inputs.chosen.push(format!("states: {} and {}", STATES[0].0, STATES[1].0));
+            inputs.states_of = chooser.robot.clone();
+            inputs.topics = STATES.map(|(name, _)| chooser.robot.full(name)).to_vec();
+            inputs.chosen.push(format!("states: {}", inputs.topics.join(" and ")));
         } else {
             inputs.take_robot(&mut chooser, args)?;
             inputs.take_people(&chooser, args)?;
@@ -509,6 +508,11 @@ impl Inputs {
     fn take_bytes(&mut self, topic: &Topic) {
         self.raw_topics.push(topic.name.clone());
         self.kinds.entry(topic.name.clone()).or_insert_with(|| topic.type_name.clone());
+    }
+
+    /// The name under which a topic is played, if it is played under its type.
+    pub(crate) fn played_as(&self, topic: &Topic) -> Option<String> {
+        self.plays(topic).then(|| self.states_of.within(&topic.playable()).to_owned())
     }
 
     /// Whether a topic is played under its type.

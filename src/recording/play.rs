@@ -84,7 +84,7 @@ impl<'a> Play<'a> {
     pub(crate) fn new(bus: &Loopback, recording: &'a mut Recording, inputs: &'a Inputs) -> Result<Self> {
         let node = bus.node("replay");
         let clock = recording.topics().iter().position(is_clock);
-        let player = Player::new(&node, recording, |topic| inputs.plays(topic))?;
+        let player = Player::new(&node, recording, |topic| inputs.played_as(topic))?;
         let pose = match &inputs.pose_of {
             Some(topic) => Some((topic.clone(), node.advertise(ODOMETRY_POSE, Qos::Volatile(100))?)),
             None => None,

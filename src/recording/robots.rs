@@ -41,6 +41,11 @@ impl Space {
         self.path().map(|path| format!("{path}/{}", name.trim_start_matches('/')))
     }
 
+    /// The full name of a topic that is in the namespace, if there is one.
+    pub(super) fn full(&self, topic: &str) -> String {
+        self.inside(topic).unwrap_or_else(|| topic.to_owned())
+    }
+
     /// The name of the frame of this robot, as fleets call it: `tb3_0/base_link`.
     pub(super) fn frame(&self, frame: &str) -> Option<String> {
         let name = self.path()?.rsplit('/').next()?;
@@ -132,7 +137,7 @@ pub(super) fn names(robots: &[Robot<'_>]) -> String {
     robots.iter().map(|robot| robot.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
-/// The namespace of the robot that the user names. `framed`: those whose frames tell of them.
+/// The namespace of the robot that the user names. `framed`: those whose frames or states tell of them.
 ///
 /// # Errors
 /// A robot that is not there.

@@ -46,8 +46,10 @@ impl Live<'_> {
         let all = recording.topics().to_vec();
         let kinds: Vec<_> = all.iter().map(|topic| topic.raw_type().map(Arc::new)).collect();
         recording.select(self.wanted);
-        let mut player = Player::new(&driver, &recording, |of| !(self.raw)(of) && of.known_type().is_some())
-            .expect("plays");
+        let mut player = Player::new(&driver, &recording, |of| {
+            (!(self.raw)(of)).then(|| of.playable()).filter(|_| of.known_type().is_some())
+        })
+        .expect("plays");
         for record in recording.by_ref() {
             bus.advance_to(record.stamp);
             let of = &all[record.topic];

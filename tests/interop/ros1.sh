@@ -1,14 +1,14 @@
 #!/bin/bash
 # Tests against a real ROS 1: roscore, rospy, roslaunch, rosbag, catkin. Ends with 'N passed, N failed'; exit 0 only
 # if all passed. Without ROS 1 it installs Debian's packages, if it runs as root on Debian.
-#   tests/interop/ros1.sh [GROUP...]        groups: wire life restart clock conformance nodes reasoning original pipeline packages,
+#   tests/interop/ros1.sh [GROUP...]        groups: wire life restart clock conformance nodes fleet reasoning original pipeline packages,
 #                                           and figures (five minutes), which needs an otherwise idle machine
 # Each group has a master on its own port of 127.0.0.1. Only processes that were started here are ended.
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$root/target}
-groups=${*:-wire life restart clock conformance nodes reasoning original pipeline packages}
+groups=${*:-wire life restart clock conformance nodes fleet reasoning original pipeline packages}
 
 # Debian's ROS needs Debian's Python
 cargo=$(command -v cargo || echo "$HOME/.cargo/bin/cargo")

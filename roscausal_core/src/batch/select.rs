@@ -27,27 +27,20 @@ impl Select {
         }
     }
 
-    /// The selected ones of `people`, in ascending order of id; for `nearest`, in order of distance from the robot.
-    /// If a single person is selected who is not there, the first person who is there takes their place.
-    pub fn of(&self, people: &[HumanState], robot: Option<&Pose2D>) -> Vec<HumanState> {
-        match self {
-            Self::All => people.to_vec(),
-            Self::Nobody => Vec::new(),
-            Self::Ids(ids) => {
-                let chosen: Vec<HumanState> =
-                    people.iter().filter(|person| ids.contains(&person.id)).cloned().collect();
-                let only = ids.len() == 1 && chosen.is_empty();
-                if only { people.first().cloned().into_iter().collect() } else { chosen }
-            }
-            Self::Nearest(number) => {
-                let (x, y) = robot.map_or((0.0, 0.0), |robot| (robot.x, robot.y));
-                let mut all = people.to_vec();
-                let distance = |person: &HumanState| libm::hypot(person.pose2d.x - x, person.pose2d.y - y);
-                all.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-                all.truncate(*number);
-                all
-            }
-        }
+    /// The selected one of `people`: the first, for `nearest` the one who is nearest to the robot.
+    ///
+    /// Where the robot is `alone`, the first person takes the place of a single selected person who is not there, and (0, 0) that of a
+    /// robot that has not been heard yet. One of several robots has nobody then: the person would be another's.
+    pub fn one(&self, people: &[HumanState], robot: Option<&Pose2D>, alone: bool) -> Option<HumanState> {
+        let (x, y) = robot.map_or((0.0, 0.0), |robot| (robot.x, robot.y));
+        let distance = |person: &HumanState| libm::hypot(person.pose2d.x - x, person.pose2d.y - y);
+        let stands_in = matches!(self, Self::Ids(ids) if ids.len() == 1) && alone;
+        let chosen = match self {
+            Self::Nearest(_) if robot.is_none() && !alone => None,
+            Self::Nearest(_) => people.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))),
+            _ => people.iter().find(|person| self.admits(person.id)),
+        };
+        chosen.or(people.first().filter(|_| stands_in)).cloned()
     }
 }
 
@@ -105,18 +98,21 @@ mod tests {
     }
 
     #[test]
-    fn people_who_are_there_are_chosen_by_number_list_nearness_or_all() {
+    fn the_one_who_is_shown_is_chosen_by_number_list_nearness_or_all() {
         let person =
             |id, x| HumanState { id, pose2d: Pose2D { x, ..Pose2D::default() }, ..HumanState::default() };
         let people = [person(1, 9.0), person(2, 1.0), person(3, 4.0)];
-        let ids = |text: &str| -> Vec<u32> {
+        let id = |text: &str, alone| {
             let select: Select = text.parse().expect(text);
-            select.of(&people, Some(&Pose2D::default())).iter().map(|person| person.id).collect()
+            select.one(&people, Some(&Pose2D::default()), alone).map(|person| person.id)
         };
-        assert_eq!(ids("2"), [2]);
-        assert_eq!(ids("1,3"), [1, 3]);
-        assert_eq!(ids("nearest:2"), [2, 3]);
-        assert_eq!(ids("all"), [1, 2, 3]);
-        assert_eq!(ids("1000"), [1]);
+        for (text, one) in
+            [("2", Some(2)), ("2,3", Some(2)), ("nearest:2", Some(2)), ("all", Some(1)), ("nobody", None)]
+        {
+            assert_eq!((id(text, true), id(text, false)), (one, one), "{text}");
+        }
+        let near = |alone| Select::Nearest(1).one(&people, None, alone).map(|person| person.id);
+        assert_eq!((near(true), near(false)), (Some(2), None), "the robot has not been heard");
+        assert_eq!((id("1000", true), id("1000", false), id("7,1000", true)), (Some(1), None, None));
     }
 }

@@ -15,7 +15,7 @@ use roscausal_msgs::{
 
 use super::{health::Health, in_namespace, labels, to_its_end};
 use crate::{
-    Error, Result,
+    Error, Message, Result,
     batch::Select,
     inbox::{Inbox, Next},
     middleware::{Middleware, Publish, Qos, Raw},
@@ -38,7 +38,7 @@ const ROS4HRI: [(&str, &str); 2] =
 const GOAL_EVERY_S: f64 = 1.0;
 
 enum Event {
-    People(usize, Time, Vec<(Who, Sighting)>),
+    People(usize, Seen),
     /// A message of any type, by the number of its reader.
     Any(usize, Raw),
     /// The ids that ROS4HRI tracks now, and the beginning of their frames' names.
@@ -86,7 +86,8 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         of_data "target_frame" = text("map"), Any, "frame of the published states";
         of_data "tf_topic" = text("/tf"), Any,
             "transforms; those that are fixed come on the same name with _static";
-        of_data "sel_agent" = text("1000"), Any, "person on /roscausal/human; if absent, the first person";
+        of_data "sel_agent" = text("1000"), Any,
+            "person on /roscausal/human; if absent, the first person, or nobody if robot is set";
         of_data "person_timeout" = Value::Double(1.0), Range(0.05, 60.0),
             "seconds for which a person is kept after the last sighting";
         of_data "join_gate" = Value::Double(0.8), Range(0.0, 10.0),
@@ -131,8 +132,9 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
     };
     let goals = |topic: String| inbox.subscribe(mw, &topic, Qos::Latched, goals);
     let _goals = params.text_if_set("goals_topic").map(goals).transpose()?;
+    let robot_name = params.text("robot");
     let by_robot = matches!(select, Select::Nearest(_)).then(|| {
-        let topic = in_namespace("robot", &params.text("robot"), "roscausal/robot")?;
+        let topic = in_namespace("robot", &robot_name, "roscausal/robot")?;
         inbox.subscribe(mw, &topic, Qos::Volatile(10), |m: RobotState| Event::Robot(m.pose2d))
     });
     let _by_robot = by_robot.transpose()?;
@@ -154,7 +156,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
         let due = if goal_param.is_some() { goal_due.min(health.next) } else { health.next };
         match inbox.awaited(mw, Some(due)).await {
             Next::Shutdown => return Ok(()),
-            Next::Event(Event::People(input, stamp, people)) => {
+            Next::Event(Event::People(input, (stamp, people))) => {
                 health.heard(input, mw.now());
                 unstamped += u64::from(stamp == Time::ZERO);
                 take(&mut tracker, stamp, people, mw.now());
@@ -192,7 +194,8 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
         if ros4hri {
             frames.take(&mut tracker, timeout);
         }
-        let first = |people: &[HumanState]| select.of(people, robot.as_ref()).into_iter().next();
+        // Of several robots each has its own person: nobody takes the place of one who is not there.
+        let first = |people: &[HumanState]| select.one(people, robot.as_ref(), robot_name.is_empty());
         let about = |people: &[HumanState]| first(people).map(|person| person.id);
         // Every sighting is published, and that nobody is seen any more.
         let aged = |tracker: &mut PeopleTracker, published| {
@@ -239,25 +242,20 @@ fn subscribe_people<M: Middleware>(
     readers: &mut Vec<(usize, Reader)>,
 ) -> Result<Vec<M::Subscription>> {
     let mut subscriptions = Vec::new();
-    let qos = Qos::Volatile(100);
     if let Some(topic) = params.text_if_set("auto_people_topic") {
-        let input = health.input::<pedsim_msgs::AgentStates>(&topic, false);
-        let people = move |m: pedsim_msgs::AgentStates| Event::People(input, m.header.stamp, of_agents(m));
-        subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
+        subscriptions.push(subscribe(mw, inbox, health, (&topic, false), of_agents)?);
     }
     if let Some(topic) = params.text_if_set("teleop_people_topic") {
-        let input = health.input::<pedsim_msgs::TrackedPersons>(&topic, false);
-        let people = move |m: pedsim_msgs::TrackedPersons| {
-            let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
-            Event::People(input, m.header.stamp, of_tracks(&m.header, tracks))
+        let people = |m: pedsim_msgs::TrackedPersons| {
+            of_tracks(m.header, m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist)))
         };
-        subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
+        subscriptions.push(subscribe(mw, inbox, health, (&topic, false), people)?);
     }
     if params.text("people_type") == "ros4hri" {
         for (topic, prefix) in ROS4HRI {
             let input = health.input::<hri_msgs::IdsList>(topic, false);
             let ids = move |m: hri_msgs::IdsList| Event::Tracked(input, m.header.stamp, prefix, m.ids);
-            subscriptions.push(inbox.subscribe(mw, topic, qos, ids)?);
+            subscriptions.push(inbox.subscribe(mw, topic, Qos::Volatile(100), ids)?);
         }
     }
     let Some(topic) = params.text_if_set("people_topic") else { return Ok(subscriptions) };
@@ -272,44 +270,49 @@ fn subscribe_people<M: Middleware>(
         }
         return Ok(subscriptions);
     }
-    match params.text("people_type").as_str() {
+    let topic = (topic.as_str(), true);
+    subscriptions.push(match params.text("people_type").as_str() {
         "spencer_tracking_msgs/TrackedPersons" => {
-            let input = health.input::<spencer_tracking_msgs::TrackedPersons>(&topic, true);
-            let people = move |m: spencer_tracking_msgs::TrackedPersons| {
-                let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
-                Event::People(input, m.header.stamp, of_tracks(&m.header, tracks))
-            };
-            subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
+            subscribe(mw, inbox, health, topic, |m: spencer_tracking_msgs::TrackedPersons| {
+                of_tracks(m.header, m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist)))
+            })?
         }
-        "people_msgs/People" => {
-            let input = health.input::<people_msgs::People>(&topic, true);
-            let people = move |m: people_msgs::People| Event::People(input, m.header.stamp, of_people(m));
-            subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
-        }
-        "geometry_msgs/PoseArray" => {
-            let input = health.input::<PoseArray>(&topic, true);
-            let people = move |m: PoseArray| Event::People(input, m.header.stamp, of_poses(m));
-            subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
-        }
-        _ => {}
-    }
+        "people_msgs/People" => subscribe(mw, inbox, health, topic, of_people)?,
+        "geometry_msgs/PoseArray" => subscribe(mw, inbox, health, topic, of_poses)?,
+        _ => return Ok(subscriptions),
+    });
     Ok(subscriptions)
 }
 
-fn of_agents(message: pedsim_msgs::AgentStates) -> Vec<(Who, Sighting)> {
-    let agents = message.agent_states.into_iter().map(|agent| (agent.id, agent.pose, agent.twist));
-    of_tracks(&message.header, agents)
+/// People of one message, and its stamp.
+type Seen = (Time, Vec<(Who, Sighting)>);
+
+/// Subscribes to a topic of people that may be required.
+fn subscribe<M: Middleware, T: Message>(
+    mw: &M,
+    inbox: &Inbox<Event>,
+    health: &mut Health<M>,
+    (topic, required): (&str, bool),
+    people: fn(T) -> Seen,
+) -> Result<M::Subscription> {
+    let input = health.input::<T>(topic, required);
+    inbox.subscribe(mw, topic, Qos::Volatile(100), move |message| Event::People(input, people(message)))
 }
 
-fn of_tracks(header: &Header, tracks: impl Iterator<Item = (u64, Pose, Twist)>) -> Vec<(Who, Sighting)> {
+fn of_agents(message: pedsim_msgs::AgentStates) -> Seen {
+    let agents = message.agent_states.into_iter().map(|agent| (agent.id, agent.pose, agent.twist));
+    of_tracks(message.header, agents)
+}
+
+fn of_tracks(header: Header, tracks: impl Iterator<Item = (u64, Pose, Twist)>) -> Seen {
     let sighting = |(id, pose, twist)| {
         let (id, twist) = (id_of_number(id), Some(twist));
         (Who::Number(id), Sighting { id, header: header.clone(), pose, twist, goal: None })
     };
-    tracks.map(sighting).collect()
+    (header.stamp, tracks.map(sighting).collect())
 }
 
-fn of_people(message: people_msgs::People) -> Vec<(Who, Sighting)> {
+fn of_people(message: people_msgs::People) -> Seen {
     let header = message.header;
     let sighting = |person: people_msgs::Person| {
         let (x, y) = (person.velocity.x, person.velocity.y);
@@ -317,14 +320,14 @@ fn of_people(message: people_msgs::People) -> Vec<(Who, Sighting)> {
         let twist = Some(walking([x, y]));
         (Who::Name(person.name), Sighting { id: 0, header: header.clone(), pose, twist, goal: None })
     };
-    message.people.into_iter().map(sighting).collect()
+    (header.stamp, message.people.into_iter().map(sighting).collect())
 }
 
 /// Poses have no identity.
-fn of_poses(message: PoseArray) -> Vec<(Who, Sighting)> {
+fn of_poses(message: PoseArray) -> Seen {
     let header = message.header;
     let sighting = |pose| Sighting { header: header.clone(), pose, ..Sighting::default() };
-    message.poses.into_iter().map(|pose| (Who::Unknown, sighting(pose))).collect()
+    (header.stamp, message.poses.into_iter().map(|pose| (Who::Unknown, sighting(pose))).collect())
 }
 
 /// People who are TF frames: ROS4HRI's, or those of a pattern.

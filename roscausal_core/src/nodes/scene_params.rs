@@ -74,7 +74,7 @@ impl SceneOptions {
 
     /// The person shown; `None` if nobody is there.
     pub fn person(&self, people: &[HumanState], robot: Option<&RobotState>) -> Option<HumanState> {
-        self.agents.of(people, robot.map(|robot| &robot.pose2d)).into_iter().next()
+        self.agents.one(people, robot.map(|robot| &robot.pose2d), true)
     }
 
     /// The risk cone of `person` towards `robot`; `None` as in [`RiskCone::new`].

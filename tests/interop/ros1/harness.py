@@ -183,5 +183,5 @@ class Group:
                 process.__exit__()
         master = self.roscore.master
         for name in master.getParamNames("/harness")[2]:
-            if name.startswith("/roscausal_"):
+            if "/roscausal_" in name:
                 master.deleteParam("/harness", name)

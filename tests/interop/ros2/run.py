@@ -8,6 +8,7 @@ import harness
 import wire  # noqa: F401
 import behaviour  # noqa: F401
 import nodes  # noqa: F401
+import fleet  # noqa: F401
 import load  # noqa: F401
 import reasoning  # noqa: F401
 
