@@ -327,7 +327,8 @@ fn write(folders: &Folders, model: &Model) -> Result<()> {
     for (i, batch) in folders.analysed_batches()?.iter().enumerate() {
         let table = roscausal_core::batch::Table::read(batch, None)?;
         let (name, dt) = (format!("series_{}", i + 1), table.dt());
-        output::write_series(&folders.dir, &name, &table.names, table.values.view(), dt)?;
+        let units = output::units_beside(batch);
+        output::write_series(&folders.dir, &name, &table.names, &units, table.values.view(), dt)?;
     }
     Ok(())
 }

@@ -13,6 +13,7 @@ mod trajectories;
 
 use std::{
     ffi::OsString,
+    fs,
     path::{Path, PathBuf},
     sync::{Arc, atomic::AtomicBool},
 };
@@ -170,9 +171,12 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     results.write(|dir| {
         output::write_model_as(dir, &model, &args.pictures)?;
         output::write_file(dir, folders::EVIDENCE, evidence.to_json().as_bytes())?;
+        let kept = keep.iter().flat_map(fs::read_dir).flatten().flatten().map(|batch| batch.path());
+        let units: Vec<_> =
+            args.files.iter().cloned().chain(kept).flat_map(|file| output::units_beside(&file)).collect();
         for (i, recording) in data.recordings().iter().enumerate().take(MOST_PICTURES) {
             let name = format!("series_{}", i + 1);
-            output::write_series(dir, &name, data.var_names(), recording.view(), model.dt)?;
+            output::write_series(dir, &name, data.var_names(), &units, recording.view(), model.dt)?;
         }
         Ok(())
     })

@@ -6,6 +6,7 @@ use ndarray::ArrayView2;
 use roscausal_core::{
     Error, Result,
     batch::pool::{folder_of, write_whole},
+    bounded,
 };
 use roscausal_discovery::{Model, draw};
 
@@ -97,15 +98,28 @@ pub(crate) fn write_picture(dir: &Path, name: &str, svg: &str) -> Result<()> {
     write_file(dir, &format!("{name}.png"), &draw::rasterise(svg, SCALE)?.png)
 }
 
-/// Writes a plot of the series, `name.svg`.
+/// The units that the `.json` beside a batch names, by variable; none where there is no such file.
+pub(crate) fn units_beside(batch: &Path) -> Vec<(String, String)> {
+    let json: serde_json::Value = bounded::read_json(&batch.with_extension("json")).unwrap_or_default();
+    let columns = json["columns"].as_array().into_iter().flatten();
+    let pair = |column: &serde_json::Value| {
+        Some((column["name"].as_str()?.to_owned(), column["unit"].as_str()?.to_owned()))
+    };
+    columns.filter_map(pair).filter(|(_, unit)| !unit.is_empty()).collect()
+}
+
+/// Writes a plot of the series, `name.svg`; `units` by variable.
 pub(crate) fn write_series(
     dir: &Path,
     name: &str,
     names: &[String],
+    units: &[(String, String)],
     values: ArrayView2<f64>,
     dt: Option<f64>,
 ) -> Result<()> {
-    write_file(dir, &format!("{name}.svg"), draw::series(names, values, dt).as_bytes())
+    let unit = |name| units.iter().find(|(of, _)| of == name).map_or("", |(_, unit)| unit.as_str());
+    let units: Vec<&str> = names.iter().map(unit).collect();
+    write_file(dir, &format!("{name}.svg"), draw::series(names, &units, values, dt).as_bytes())
 }
 
 /// Writes a file so that nobody sees an incomplete one.

@@ -36,7 +36,7 @@ pub(crate) fn export(model: &str, what: &str) -> PyResult<String> {
 #[pyfunction]
 #[pyo3(signature = (names, values, dt=None))]
 pub(crate) fn series(names: Vec<String>, values: PyReadonlyArray2<'_, f64>, dt: Option<f64>) -> String {
-    draw::series(&names, values.as_array(), dt)
+    draw::series(&names, &[], values.as_array(), dt)
 }
 
 /// An SVG picture as PNG, `scale` pixels per unit.

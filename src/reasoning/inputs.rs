@@ -140,7 +140,7 @@ impl SourceArgs {
             facts.units.push((name.to_owned(), unit.trim().to_owned()));
         }
         for path in &self.data {
-            for (name, unit) in batch_units(&path.with_extension("json")) {
+            for (name, unit) in output::units_beside(path) {
                 if names::position(variables, &name).is_some()
                     && facts.units.iter().all(|(known, _)| *known != name)
                 {
@@ -179,16 +179,6 @@ impl SourceArgs {
         }
         Ok(DataFrame::new(recordings, wanted)?)
     }
-}
-
-/// The units that a file beside a batch names; none where there is no such file.
-fn batch_units(path: &Path) -> Vec<(String, String)> {
-    let json: serde_json::Value = bounded::read_json(path).unwrap_or_default();
-    let columns = json["columns"].as_array().into_iter().flatten();
-    let pair = |column: &serde_json::Value| {
-        Some((column["name"].as_str()?.to_owned(), column["unit"].as_str()?.to_owned()))
-    };
-    columns.filter_map(pair).filter(|(_, unit)| !unit.is_empty()).collect()
 }
 
 impl Ready {

@@ -20,10 +20,10 @@ const PLACES: usize = 3 * WIDTH as usize;
 /// How the columns of interventions begin: 0 in them means "nothing imposed".
 const IMPOSED: &str = "do_";
 
-/// The time series of a batch as SVG, one strip per variable with its axis, and the time below. `values` is `T x N`; a
+/// The time series of a batch as SVG, one strip per variable with its unit (empty: not known) and axis, and the time below. `values` is `T x N`; a
 /// missing sample interrupts the line and is shaded. Where a column named `do_...` is not 0, an intervention is on: all
 /// strips are shaded in another colour.
-pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> String {
+pub fn series(names: &[String], units: &[&str], values: ArrayView2<f64>, dt: Option<f64>) -> String {
     let (rows, height) = (values.nrows(), 40.0 + STRIP * names.len() as f64 + 38.0);
     let right = WIDTH - 20.0;
     let mut svg = Svg::new(WIDTH, height);
@@ -37,6 +37,9 @@ pub fn series(names: &[String], values: ArrayView2<f64>, dt: Option<f64>) -> Str
         let y = Axis::around(column.iter().copied(), bottom, top);
         let at = Point::new(12.0, (top + bottom) / 2.0 + 5.0);
         svg.text(at, 14.0, "start", INK, &cut(&display(name), LETTERS));
+        if let Some(unit) = units.get(strip).filter(|unit| !unit.is_empty()) {
+            svg.text(at.plus(0.0, 17.0), 12.0, "start", INK, unit);
+        }
         let gaps = gaps(column.iter().map(|v| v.is_finite()), per_place);
         let imposed = imposed.iter().map(|rows| (rows, "imposed", "#f59e0b", 0.22));
         for ((from, to), class, fill, opacity) in
@@ -120,10 +123,10 @@ mod tests {
     #[test]
     fn a_missing_sample_breaks_the_line() {
         let values = array![[0.0], [1.0], [f64::NAN], [2.0], [3.0]];
-        let svg = series(&["h_v".to_owned()], values.view(), Some(0.1));
+        let svg = series(&["h_v".to_owned()], &["m/s"], values.view(), Some(0.1));
         let line = svg.lines().find(|line| line.contains("#1d4ed8")).expect("has a line");
         assert_eq!(line.matches("M ").count(), 2);
-        assert!(!svg.contains("NaN"));
+        assert!(!svg.contains("NaN") && svg.contains(">m/s<"));
         assert_eq!(svg.matches("class=\"gap\"").count(), 1);
         assert_eq!(gaps([true, false, false, true, false].into_iter(), 1), [(1, 2), (4, 4)]);
     }
@@ -133,7 +136,7 @@ mod tests {
         let wave = |row: usize| if row == 77_777 { 9.0 } else { (row as f64 / 1000.0).sin() };
         let values =
             Array2::from_shape_fn((200_000, 1), |(row, _)| if row == 500 { f64::NAN } else { wave(row) });
-        let picture = series(&["a".into()], values.view(), None);
+        let picture = series(&["a".into()], &[], values.view(), None);
         assert!(picture.len() < 400_000, "{}", picture.len());
         let rows = seen(values.column(0), 200_000 / PLACES);
         assert!(rows.contains(&77_777) && !rows.contains(&500) && rows.is_sorted());
@@ -145,17 +148,17 @@ mod tests {
         let values = array![[0.0, 0.0], [1.0, 0.2], [2.0, 0.2], [3.0, 0.0], [4.0, 0.5]];
         let names = ["h_v".to_owned(), "do_robot_speed".to_owned()];
         assert_eq!(interventions(&names, values.view()), [(1, 2), (4, 4)]);
-        let svg = series(&names, values.view(), Some(0.1));
+        let svg = series(&names, &[], values.view(), Some(0.1));
         assert_eq!(svg.matches("class=\"imposed\"").count(), 2 * 2);
         assert!(svg.contains("orange: an intervention is on") && !svg.contains("grey"));
-        assert!(!series(&names[..1], values.slice(ndarray::s![.., ..1]), None).contains("imposed"));
+        assert!(!series(&names[..1], &[], values.slice(ndarray::s![.., ..1]), None).contains("imposed"));
     }
 
     #[test]
     fn time_has_round_numbers_and_a_unit() {
         let values = ndarray::Array2::from_shape_fn((101, 1), |(t, _)| t as f64);
-        let svg = series(&["h_v".to_owned()], values.view(), Some(0.1));
+        let svg = series(&["h_v".to_owned()], &["m/s"], values.view(), Some(0.1));
         assert!(svg.contains("time in s") && svg.contains(">10<") && svg.contains(">2<"), "{svg}");
-        assert!(series(&["h_v".to_owned()], values.view(), None).contains("time in steps"));
+        assert!(series(&["h_v".to_owned()], &["m/s"], values.view(), None).contains("time in steps"));
     }
 }
