@@ -37,8 +37,11 @@ const ROS4HRI: [(&str, &str); 2] =
 /// Seconds between two reads of the goal parameter.
 const GOAL_EVERY_S: f64 = 1.0;
 
+/// When people were seen, and who.
+type Seen = (Time, Vec<(Who, Sighting)>);
+
 enum Event {
-    People(usize, Time, Vec<(Who, Sighting)>),
+    People(usize, Seen),
     /// A message of any type, by the number of its reader.
     Any(usize, Raw),
     /// The ids that ROS4HRI tracks now, and the beginning of their frames' names.
@@ -154,7 +157,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
         let due = if goal_param.is_some() { goal_due.min(health.next) } else { health.next };
         match inbox.awaited(mw, Some(due)).await {
             Next::Shutdown => return Ok(()),
-            Next::Event(Event::People(input, stamp, people)) => {
+            Next::Event(Event::People(input, (stamp, people))) => {
                 health.heard(input, mw.now());
                 unstamped += u64::from(stamp == Time::ZERO);
                 take(&mut tracker, stamp, people, mw.now());
@@ -209,7 +212,9 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
         let unreadable = || readers.iter().map(|(_, reader)| reader.unreadable()).sum::<u64>();
         let figures = || {
             [
+                ("out of order", tracker.late.to_string()),
                 ("no transform in time", tracker.without_transform.to_string()),
+                ("not finite", tracker.not_finite.to_string()),
                 ("without stamp", unstamped.to_string()),
                 ("seen twice at one stamp", tracker.repeated.to_string()),
                 (labels::NAMES, tracker.identities.names.reported()),
@@ -239,25 +244,21 @@ fn subscribe_people<M: Middleware>(
     readers: &mut Vec<(usize, Reader)>,
 ) -> Result<Vec<M::Subscription>> {
     let mut subscriptions = Vec::new();
-    let qos = Qos::Volatile(100);
     if let Some(topic) = params.text_if_set("auto_people_topic") {
-        let input = health.input::<pedsim_msgs::AgentStates>(&topic, false);
-        let people = move |m: pedsim_msgs::AgentStates| Event::People(input, m.header.stamp, of_agents(m));
-        subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
+        subscriptions
+            .push(health.hear(mw, inbox, (&topic, false), |input, m| Event::People(input, of_agents(m)))?);
     }
     if let Some(topic) = params.text_if_set("teleop_people_topic") {
-        let input = health.input::<pedsim_msgs::TrackedPersons>(&topic, false);
-        let people = move |m: pedsim_msgs::TrackedPersons| {
+        let people = |input, m: pedsim_msgs::TrackedPersons| {
             let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
-            Event::People(input, m.header.stamp, of_tracks(&m.header, tracks))
+            Event::People(input, of_tracks(m.header, tracks))
         };
-        subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
+        subscriptions.push(health.hear(mw, inbox, (&topic, false), people)?);
     }
     if params.text("people_type") == "ros4hri" {
         for (topic, prefix) in ROS4HRI {
-            let input = health.input::<hri_msgs::IdsList>(topic, false);
-            let ids = move |m: hri_msgs::IdsList| Event::Tracked(input, m.header.stamp, prefix, m.ids);
-            subscriptions.push(inbox.subscribe(mw, topic, qos, ids)?);
+            let ids = move |input, m: hri_msgs::IdsList| Event::Tracked(input, m.header.stamp, prefix, m.ids);
+            subscriptions.push(health.hear(mw, inbox, (topic, false), ids)?);
         }
     }
     let Some(topic) = params.text_if_set("people_topic") else { return Ok(subscriptions) };
@@ -274,42 +275,37 @@ fn subscribe_people<M: Middleware>(
     }
     match params.text("people_type").as_str() {
         "spencer_tracking_msgs/TrackedPersons" => {
-            let input = health.input::<spencer_tracking_msgs::TrackedPersons>(&topic, true);
-            let people = move |m: spencer_tracking_msgs::TrackedPersons| {
+            let people = |input, m: spencer_tracking_msgs::TrackedPersons| {
                 let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
-                Event::People(input, m.header.stamp, of_tracks(&m.header, tracks))
+                Event::People(input, of_tracks(m.header, tracks))
             };
-            subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
+            subscriptions.push(health.hear(mw, inbox, (&topic, true), people)?);
         }
-        "people_msgs/People" => {
-            let input = health.input::<people_msgs::People>(&topic, true);
-            let people = move |m: people_msgs::People| Event::People(input, m.header.stamp, of_people(m));
-            subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
-        }
+        "people_msgs/People" => subscriptions
+            .push(health.hear(mw, inbox, (&topic, true), |input, m| Event::People(input, of_people(m)))?),
         "geometry_msgs/PoseArray" => {
-            let input = health.input::<PoseArray>(&topic, true);
-            let people = move |m: PoseArray| Event::People(input, m.header.stamp, of_poses(m));
-            subscriptions.push(inbox.subscribe(mw, &topic, qos, people)?);
+            subscriptions
+                .push(health.hear(mw, inbox, (&topic, true), |input, m| Event::People(input, of_poses(m)))?)
         }
         _ => {}
     }
     Ok(subscriptions)
 }
 
-fn of_agents(message: pedsim_msgs::AgentStates) -> Vec<(Who, Sighting)> {
+fn of_agents(message: pedsim_msgs::AgentStates) -> Seen {
     let agents = message.agent_states.into_iter().map(|agent| (agent.id, agent.pose, agent.twist));
-    of_tracks(&message.header, agents)
+    of_tracks(message.header, agents)
 }
 
-fn of_tracks(header: &Header, tracks: impl Iterator<Item = (u64, Pose, Twist)>) -> Vec<(Who, Sighting)> {
+fn of_tracks(header: Header, tracks: impl Iterator<Item = (u64, Pose, Twist)>) -> Seen {
     let sighting = |(id, pose, twist)| {
         let (id, twist) = (id_of_number(id), Some(twist));
         (Who::Number(id), Sighting { id, header: header.clone(), pose, twist, goal: None })
     };
-    tracks.map(sighting).collect()
+    (header.stamp, tracks.map(sighting).collect())
 }
 
-fn of_people(message: people_msgs::People) -> Vec<(Who, Sighting)> {
+fn of_people(message: people_msgs::People) -> Seen {
     let header = message.header;
     let sighting = |person: people_msgs::Person| {
         let (x, y) = (person.velocity.x, person.velocity.y);
@@ -317,14 +313,14 @@ fn of_people(message: people_msgs::People) -> Vec<(Who, Sighting)> {
         let twist = Some(walking([x, y]));
         (Who::Name(person.name), Sighting { id: 0, header: header.clone(), pose, twist, goal: None })
     };
-    message.people.into_iter().map(sighting).collect()
+    (header.stamp, message.people.into_iter().map(sighting).collect())
 }
 
 /// Poses have no identity.
-fn of_poses(message: PoseArray) -> Vec<(Who, Sighting)> {
+fn of_poses(message: PoseArray) -> Seen {
     let header = message.header;
-    let sighting = |pose| Sighting { header: header.clone(), pose, ..Sighting::default() };
-    message.poses.into_iter().map(|pose| (Who::Unknown, sighting(pose))).collect()
+    let sighting = |pose| (Who::Unknown, Sighting { header: header.clone(), pose, ..Sighting::default() });
+    (header.stamp, message.poses.into_iter().map(sighting).collect())
 }
 
 /// People who are TF frames: ROS4HRI's, or those of a pattern.
