@@ -371,11 +371,11 @@ mod tests {
             let moment = if seen.makes_rows(dt, Sampling::Auto) { seen.nearest(t, dt)? } else { t };
             seen.row(moment, dt, 500, Sampling::Linear).map(|values| values.x)
         };
-        assert_ne!(row(&seen, 100, 100), Some(1.0), "nothing is usual yet");
-        seen.settle(0, 200);
-        assert_ne!(row(&seen, 100, 100), Some(1.0), "three samples are too few");
+        assert_ne!(row(&seen, 200, 100), Some(2.0), "nothing is usual yet");
+        seen.settle(0, 250);
+        assert_ne!(row(&seen, 200, 100), Some(2.0), "three samples are too few");
         seen.settle(0, 500);
-        assert_eq!(row(&seen, 100, 100), Some(1.0), "the first rows are made as all others");
+        assert_eq!(row(&seen, 200, 100), Some(2.0), "the first rows are made as all others");
         seen.forget_before(2300, 500);
         seen.settle(2300, 500);
         let rows: Vec<Option<f64>> = (23..28).map(|number| row(&seen, 100 * number, 100)).collect();
