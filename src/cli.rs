@@ -176,6 +176,9 @@ fn grouped(sub: &'static clap::Command) -> clap::Command {
 /// The longest word of the command line that a complaint quotes, in characters: a path may be long.
 const LONGEST_WORD: usize = 400;
 
+/// Whose warnings of a file that is played are notes at its end.
+const REPORTED_AT_THE_END: &str = "batch::recorder nodes::discovery nodes::health people signal";
+
 /// Complains about a command line that cannot be understood, and ends the process.
 fn refuse(line: &[OsString], error: &clap::Error, colour: terminal::Colour) -> ! {
     // What clap quotes are words of the line: with these spelled out, it quotes nothing that a terminal obeys. Spelled in another way
@@ -268,7 +271,14 @@ impl Cli {
             .with_ansi(terminal::is_coloured())
             .compact()
             .fmt_fields(fields.delimited(" "))
-            .with_filter(chosen.unwrap_or_else(|| Targets::new().with_default(default)));
+            .with_filter(chosen.unwrap_or_else(|| {
+                // What is played from a file is reported at its end, without advice for a robot that runs.
+                let is_live =
+                    self.verbose > 0 || matches!(self.command, Command::Demo(_) | Command::Experiment(_));
+                let silent = REPORTED_AT_THE_END.split(' ').filter(|_| !is_live);
+                let silent = silent.map(|module| (format!("roscausal_core::{module}"), LevelFilter::OFF));
+                Targets::new().with_default(default).with_targets(silent)
+            }));
         // A program that calls the command twice has its log already.
         let _ = tracing_subscriber::registry().with(log).try_init();
     }

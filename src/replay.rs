@@ -27,7 +27,7 @@ use crate::{
     interrupt::Interrupt,
     nodes::{self, Nodes},
     output,
-    recording::{InputArgs, Play, Source},
+    recording::{InputArgs, Play, Seen, Source},
     report, roll,
     sink::{Sink, SinkArgs},
     web::{Web, WebArgs},
@@ -145,6 +145,7 @@ impl Args {
     ) -> Result<Result<String>> {
         let mut sink = Sink::open(bus, record)?;
         let play = Play::new(bus, &mut source.recording, &source.inputs)?;
+        let seen = Seen::on(bus)?;
         let (nodes, progress) = Nodes::start(bus, source.inputs.nodes).with_discovery();
         let mut nodes = nodes.with_reasoning(self.web.web);
         sink.watch()?;
@@ -178,7 +179,7 @@ impl Args {
         let played = played?;
         played.tell(&self.recording);
         analysed?;
-        Ok(Ok(played.troubles("")))
+        Ok(Ok(played.troubles(seen.to_string())))
     }
 }
 
@@ -277,6 +278,10 @@ fn show(args: &Args, folders: &Folders, troubles: &str, is_raw: bool) -> Result<
         Vec::new()
     };
     let reasons = folders.rejections()?;
+    let is_short = folders.processed.join("incomplete").is_dir();
+    if is_short && !models.is_empty() {
+        tell!("note: a batch that is shorter than --ts-length is set aside");
+    }
     let folders = folders.keep().map_err(|error| folders.named(error))?;
     for name in models.iter().filter_map(|path| path.file_name()) {
         let path = folders.models.join(name);
@@ -294,9 +299,9 @@ fn show(args: &Args, folders: &Folders, troubles: &str, is_raw: bool) -> Result<
         return Ok(());
     }
     if models.is_empty() {
-        let reason =
-            format!("no model came of it; batches shorter than --ts-length are set aside; nodes: {troubles}");
-        return Err(Error::file(&args.recording, reason));
+        let short = "its batches are shorter than --ts-length; 0 makes one of the whole recording";
+        let reason = if is_short { short } else { troubles };
+        return Err(Error::file(&args.recording, format!("no model came of it: {reason}")));
     }
     say!("{}: {} models, batches", args.out.display(), models.len());
     Ok(())

@@ -60,10 +60,8 @@ impl Count {
 
     /// The rate and the longest gap as texts.
     fn texts(&self) -> [String; 2] {
-        match self.rate() {
-            Some(rate) => [format!("{rate:.2}"), format!("{:.3}", self.gap_s)],
-            None => ["-"; 2].map(str::to_owned),
-        }
+        let known = |rate| [format!("{rate:.2}"), format!("{:.3}", self.gap_s)];
+        self.rate().map_or_else(|| ["-"; 2].map(str::to_owned), known)
     }
 }
 

@@ -374,6 +374,46 @@ fn transforms_that_come_seldom_are_interpolated() {
 }
 
 #[test]
+fn a_delay_that_is_always_the_same_is_named_with_its_flag_and_one_that_changes_is_not() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let behind = |number: u32| step(number) - 2.5;
+    Walk { people_stamp: &behind, ..SOUND }.write(&dir.path().join("behind.mcap"));
+    let (text, success, _) = discover(dir.path(), &["behind.mcap"]);
+    assert!(
+        success && text.contains("the stamps of /people are 2.50 s behind the time of recording"),
+        "{text}"
+    );
+    assert!(text.contains("--clock /people=recording"), "{text}");
+    let changing = |number: u32| step(number) - 1.2 - 0.4 * f64::from(number % 2);
+    Walk { people_stamp: &changing, ..SOUND }.write(&dir.path().join("changing.mcap"));
+    let (text, success, _) = discover(dir.path(), &["changing.mcap"]);
+    assert!(success && !text.contains("behind the time of recording"), "{text}");
+}
+
+#[test]
+fn what_is_left_out_is_counted_at_the_end_and_no_advice_is_for_a_robot_that_runs() {
+    let dir = tempfile::tempdir().expect("a folder");
+    // The robot's messages come in pairs, the later one first.
+    Walk { robot_stamp: &|number| step(number ^ 1), ..SOUND }.write(&dir.path().join("pairs.mcap"));
+    let (text, success, batches) = discover(dir.path(), &["pairs.mcap"]);
+    // The stamps tell where each belongs; who plays as live has to leave out what came too late.
+    assert!(success && batches.len() == 1 && !text.contains("out of order"), "{text}");
+    assert!(text.contains("it knows the robot in 100 % of the time"), "{text}");
+    let replay = |file: &str, length: &[&str]| {
+        let quick = ["replay", file, "--person", "7", "--method", "pcmci", "--test", "parcorr"];
+        String::from_utf8_lossy(&roscausal(dir.path(), &[&quick, length].concat()).stderr).into_owned()
+    };
+    let text = replay("pairs.mcap", &["--ts-length", "0"]);
+    assert!(text.contains("robot node: out of order: "), "{text}");
+    Walk { late: 200, people_stamp: &|number| step(number + 200), ..SOUND }
+        .write(&dir.path().join("stops.mcap"));
+    let text = replay("stops.mcap", &[]);
+    assert!(text.contains("robot node: most seconds without /odom: "), "{text}");
+    assert!(text.contains("its batches are shorter than --ts-length; 0 makes one of the whole"), "{text}");
+    assert!(!text.contains("WARN") && !text.contains("analyse_incomplete"), "{text}");
+}
+
+#[test]
 fn who_was_missing_or_where_both_were_is_told() {
     let dir = tempfile::tempdir().expect("a folder");
     for (walk, says) in [

@@ -235,7 +235,7 @@ fn definitions_come_from_folders_of_msg_files() {
     write("my_msgs", "Load", "std_msgs/Header header\nCell[<=4] cells # why\n");
     write("my_msgs", "Cell", "float32 volts\n");
     write("std_msgs", "Header", "builtin_interfaces/Time stamp\nstring frame_id\n");
-    let definitions = Definitions::in_folders(vec![folder.path().to_owned()]);
+    let definitions = Definitions::of(&folder.path().to_string_lossy());
     let kind = |name: &str| RawType { type_name: name.into(), definition: String::new(), wire: Wire::Cdr };
     let schema = definitions.schema(&kind("my_msgs/Load")).expect("is found");
     let leaves: Vec<String> = schema.leaves().iter().map(ToString::to_string).collect();
@@ -296,7 +296,7 @@ fn the_feedback_of_any_action_is_defined_by_its_action_file() {
     fs::create_dir_all(folder.path().join("share/dock_msgs/msg")).expect("a folder");
     fs::write(folder.path().join("share/dock_msgs/msg/State.msg"), "uint8 code\n").expect("writes");
     let kind = |name: &str| RawType { type_name: name.into(), definition: String::new(), wire: Wire::Cdr };
-    let definitions = Definitions::in_folders(vec![folder.path().to_owned()]);
+    let definitions = Definitions::of(&folder.path().to_string_lossy());
     let schema = definitions.schema(&kind("dock_msgs/action/Dock_FeedbackMessage")).expect("is found");
     let leaves: Vec<String> = schema.leaves().iter().map(ToString::to_string).collect();
     assert_eq!(leaves, ["goal_id.uuid[*]", "feedback.charge", "feedback.state.code"]);

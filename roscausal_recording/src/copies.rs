@@ -30,10 +30,10 @@ pub(crate) fn left_out(files: &[(PathBuf, Box<dyn Source>)]) -> Vec<(usize, Stri
             if gone(first) || gone(second) || !may_be_copies(source.as_ref(), other.as_ref()) {
                 continue;
             }
-            let Some(copy) = compare(path, other_path) else { continue };
-            let (index, copy, of) = match copy {
-                Copy::First => (first, path, other_path),
-                Copy::Second => (second, other_path, path),
+            let (index, copy, of) = match is_first_a_copy(path, other_path) {
+                Some(true) => (first, path, other_path),
+                Some(false) => (second, other_path, path),
+                None => continue,
             };
             let name = of.file_name().unwrap_or_default().to_string_lossy();
             let sentence = format!("{}: it holds the messages of {name}, so it is left out", copy.display());
@@ -57,14 +57,9 @@ fn is_same(a: &Topic, b: &Topic) -> bool {
     a.name.trim_start_matches('/') == b.name.trim_start_matches('/') && a.type_name == b.type_name
 }
 
-enum Copy {
-    First,
-    Second,
-}
-
-/// Which of two files is a copy of the other, or of a part of it: the one with fewer messages; of equal ones `x.orig.bag`, then the
-/// second.
-fn compare(first: &Path, second: &Path) -> Option<Copy> {
+/// If one of two files is a copy of the other, or of a part of it: whether it is the first. It is the one with fewer messages; of equal
+/// ones `x.orig.bag`, then the second.
+fn is_first_a_copy(first: &Path, second: &Path) -> Option<bool> {
     let mut a = Messages::of(first)?;
     let mut b = Messages::of(second)?;
     let (mut shared, mut counted) = (0, [0, 0]);
@@ -83,8 +78,7 @@ fn compare(first: &Path, second: &Path) -> Option<Copy> {
         return None;
     }
     let is_original = first.to_string_lossy().contains(".orig.");
-    let first_is_copy = counted[0] < counted[1] || (counted[0] == counted[1] && is_original);
-    Some(if first_is_copy { Copy::First } else { Copy::Second })
+    Some(counted[0] < counted[1] || (counted[0] == counted[1] && is_original))
 }
 
 /// The messages of a file, moment by moment.

@@ -145,6 +145,7 @@ impl Folder {
                 whole.files.push(File { source, topics, lap: 0 });
             }
         }
+        losses.extend(metadata.lost(whole.files.iter().map(|file| file.source.held()).sum()));
         whole.set_laps();
         whole.counts = metadata.counts(&whole.topics);
         Ok(whole)

@@ -30,7 +30,7 @@ mod topic;
 mod write;
 
 pub use folder::{folders_in, is_named_so, recordings_in};
-pub use play::{Player, replay};
+pub use play::Player;
 pub use record::Recorder;
 pub use recording::Recording;
 pub use settings::settings;

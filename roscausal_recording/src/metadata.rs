@@ -27,6 +27,8 @@ pub(crate) struct Metadata {
     files: Vec<String>,
     /// Messages by name and type of the topic.
     counts: BTreeMap<(String, String), u64>,
+    /// Messages of all topics.
+    total: Option<u64>,
 }
 
 impl Metadata {
@@ -52,6 +54,7 @@ impl Metadata {
         Self {
             files: list("relative_file_paths").filter_map(last).collect(),
             counts: list("topics_with_message_count").filter_map(count).collect(),
+            total: value.get("message_count").and_then(Value::as_u64),
             path,
             unreadable: false,
         }
@@ -72,6 +75,13 @@ impl Metadata {
             format!("{path}: it is no list of rosbag2, so whether a part is missing is not known");
         let missing = self.files.iter().filter(|name| !there(name)).map(sentence);
         self.unreadable.then_some(unreadable).into_iter().chain(missing).collect()
+    }
+
+    /// A sentence about messages that are not there, of `held` ones, where it counts all of them together only.
+    pub(crate) fn lost(&self, held: Option<u64>) -> Option<String> {
+        let (total, held) = self.total.filter(|_| self.counts.is_empty()).zip(held)?;
+        let lost = total.checked_sub(held).filter(|lost| *lost > 0)?;
+        Some(format!("{}: {lost} of the {total} messages that it counts are not there", self.path.display()))
     }
 
     /// How many messages of each topic there should be, if it tells.

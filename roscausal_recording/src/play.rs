@@ -1,4 +1,4 @@
-//! Playing a recording: into a closure, or onto a middleware.
+//! Playing a recording onto a middleware.
 
 use roscausal_core::{
     Error, Message, Result,
@@ -8,29 +8,9 @@ use roscausal_msgs::{TypeVisitor, visit};
 
 use crate::{Record, Recording, Topic};
 
-/// Passes every message of the selected topics to `sink`, in the order of the recording times, until `sink` returns
-/// `false`. Returns the number of messages passed.
-///
-/// # Errors
-/// The first error of `sink`.
-pub fn replay(
-    recording: &mut Recording,
-    mut sink: impl FnMut(&Topic, &Record) -> Result<bool>,
-) -> Result<u64> {
-    let mut count = 0;
-    while let Some(record) = recording.next() {
-        count += 1;
-        if !sink(&recording.topics()[record.topic], &record)? {
-            break;
-        }
-    }
-    Ok(count)
-}
-
-/// Publishes the messages of a recording on a middleware, under their own types.
+/// Publishes the messages of a recording on a middleware, under their own types and names ([`Topic::playable`]).
 pub struct Player {
     publish: Vec<Option<Box<PublishBytes>>>,
-    skipped: Vec<String>,
 }
 
 type PublishBytes = dyn FnMut(&Topic, &[u8]) -> Result<()> + Send;
@@ -48,23 +28,15 @@ impl Player {
         recording: &Recording,
         name: impl Fn(&Topic) -> Option<String>,
     ) -> Result<Self> {
-        let (mut publish, mut skipped) = (Vec::new(), Vec::new());
+        let mut publish = Vec::new();
         for topic in recording.topics() {
             let name = name(topic);
             let known = name.as_deref().zip(topic.known_type());
-            let publisher =
-                known.and_then(|(name, known)| visit(known, Advertise { mw, topic, name })).transpose()?;
-            if name.is_some() && publisher.is_none() {
-                skipped.push(format!("{} ({})", topic.name, topic.type_name));
-            }
-            publish.push(publisher);
+            publish.push(
+                known.and_then(|(name, known)| visit(known, Advertise { mw, topic, name })).transpose()?,
+            );
         }
-        Ok(Self { publish, skipped })
-    }
-
-    /// Topics that were wanted but are not played, because their types are unknown.
-    pub fn skipped(&self) -> &[String] {
-        &self.skipped
+        Ok(Self { publish })
     }
 
     /// Publishes one message, unless its topic is not played.

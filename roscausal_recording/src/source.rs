@@ -42,6 +42,11 @@ pub(crate) trait Source: Send {
         self.topics().iter().map(|topic| topic.messages).collect()
     }
 
+    /// How many messages there are, if known without reading everything.
+    fn held(&self) -> Option<u64> {
+        self.topics().iter().map(|topic| topic.messages).sum()
+    }
+
     /// Times of the first and the last message, if known without reading everything.
     fn span(&self) -> Option<(Time, Time)>;
 

@@ -236,6 +236,14 @@ fn what_the_metadata_list_is_checked() {
     assert!(losses[1].ends_with("15 of 25 of /odom"), "{losses:?}");
     part(&folder.path().join("run_1.mcap"), 10, 15);
     assert_eq!(read(folder.path()), (25, Vec::new()));
+    // A list may count all messages together only.
+    for (counted, reported) in [(40, true), (25, false), (20, false)] {
+        let text = format!("rosbag2_bagfile_information:\n  version: 5\n  message_count: {counted}\n");
+        fs::write(folder.path().join("metadata.yaml"), text).unwrap();
+        let (count, losses) = read(folder.path());
+        let says = "15 of the 40 messages that it counts are not there";
+        assert!(count == 25 && losses.iter().any(|loss| loss.ends_with(says)) == reported, "{losses:?}");
+    }
     // Whatever it is, the recording is read, and a list that says nothing is named.
     for text in ["", "a: [", "- 1\n", "rosbag2_bagfile_information: 3"] {
         fs::write(folder.path().join("metadata.yaml"), text).unwrap();

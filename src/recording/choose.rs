@@ -156,15 +156,14 @@ impl Chooser<'_> {
             return self.named(role, name).map(Some);
         }
         let mut candidates = self.candidates(role);
-        candidates.retain(|topic| !is_nobody(topic));
-        candidates.retain(|topic| !CHOSEN_BY_NAME.contains(&topic.type_name.as_str()));
+        candidates.retain(|topic| !is_nobody(topic) && !CHOSEN_BY_NAME.contains(&topic.type_name.as_str()));
         match (self.usual(role, &candidates), candidates.as_slice()) {
             (Some(usual), _) => Ok(Some(usual.clone())),
             (None, [only]) => Ok(Some((*only).clone())),
             (None, []) => Ok(None),
             (None, _) => {
                 let (robots, flag) = (self.robots(), Named("robot"));
-                let names = robots::names(&robots);
+                let names = robots.iter().map(|robot| robot.name.as_str()).collect::<Vec<_>>().join(", ");
                 let way = match robots.len() > 1 && role.node == "robot" {
                     true => format!(", of the robots {names} ({flag} NAME chooses one)"),
                     false => String::new(),

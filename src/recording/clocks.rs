@@ -16,16 +16,19 @@ use roscausal_msgs::{
 };
 use roscausal_recording::{Record, Recording, Stepped, Steps, Tick, Topic};
 
-use super::order::{Intervals, Lead};
+use super::order::{Intervals, Lead, TopicLead};
 
 /// A stamp may be this far from where those around it put it. Seconds.
 const CLOSE_S: f64 = 1.0;
 /// Clocks that differ by more than this are two clocks: no tracker takes so long. Seconds.
-const ONE_CLOCK_S: f64 = 5.0;
+pub(super) const ONE_CLOCK_S: f64 = 5.0;
 /// Stamps this far ahead of the time of recording are of another clock, if others have that time: no delay makes that. Transforms
 /// are often dated ahead. Seconds.
 const AHEAD_S: f64 = 0.25;
 const TF_AHEAD_S: f64 = 2.0;
+/// Stamps that are farther behind the time of recording are late or of another clock. Where all are behind by the same, give or take
+/// `AHEAD_S`, nothing tells which. Seconds.
+const BEHIND_S: f64 = 1.0;
 /// Parts of a recording whose offsets are compared.
 const PARTS: usize = 10;
 /// So many stamps must follow each other after a jump of the clock; fewer are mistakes.
@@ -38,6 +41,7 @@ const ENOUGH: u64 = 20;
 const MOST_KEPT: usize = 4096;
 
 /// Where stamps are in the messages of a topic.
+#[derive(Debug)]
 pub(crate) struct Stamps {
     schema: Schema,
     wire: Wire,
@@ -67,6 +71,7 @@ impl Stamps {
 pub(crate) struct Offsets {
     /// Some of the offsets, evenly chosen. Seconds.
     kept: Vec<f64>,
+    least_s: f64,
     every: u64,
     count: u64,
     last: Time,
@@ -83,6 +88,8 @@ pub(crate) struct Offset {
     pub(crate) spread_s: f64,
     /// Between the medians of ten parts of the recording, seconds.
     wander_s: f64,
+    /// The least one, seconds.
+    least_s: f64,
     /// Messages with a stamp.
     pub(crate) count: u64,
     /// Those of them that have the stamp of the one before.
@@ -119,8 +126,10 @@ impl Offsets {
     /// Adds the stamp of the message with this number, which came at `came`.
     pub(crate) fn add(&mut self, number: u64, stamp: Time, came: Time) {
         self.every = self.every.max(1);
+        let offset_s = stamp.secs_since(came);
+        self.least_s = self.least_s.min(offset_s);
         if self.count.is_multiple_of(self.every) {
-            self.kept.push(stamp.secs_since(came));
+            self.kept.push(offset_s);
         }
         if self.kept.len() > MOST_KEPT {
             let mut number = 0;
@@ -150,8 +159,9 @@ impl Offsets {
         let at =
             |share: f64| self.kept.get((share * (self.kept.len() as f64 - 1.0)).round() as usize).copied();
         let (median_s, spread_s) = (at(0.5)?, at(0.95)? - at(0.05)?);
-        let (count, same, stepped) = (self.count, self.same, self.steps?.finish());
-        Some(Offset { median_s, spread_s, wander_s: high - low, count, same, stepped })
+        let Self { least_s, count, same, .. } = self;
+        let stepped = self.steps?.finish();
+        Some(Offset { median_s, spread_s, wander_s: high - low, least_s, count, same, stepped })
     }
 }
 
@@ -293,13 +303,19 @@ impl Clocks {
         let measured: Vec<Option<Offset>> = offsets.into_iter().map(Offsets::finish).collect();
         let mut clocks = Self { fixed, notes: check(path, &topics, &measured)?, ..Self::default() };
         if !has_clock {
-            let late =
-                |offset: &Option<Offset>| offset.as_ref().map_or(0.0, |of| Lead::of_offset(of.median_s));
-            let lead = |(topic, offset): (usize, &Option<Offset>)| match intervals.get(&topic) {
-                Some(intervals) => intervals.lead() + late(offset),
-                None => late(offset),
+            let known = topics.iter().zip(&measured).filter(|(topic, _)| !is_tf(topic));
+            let known = known.filter_map(|(_, offset)| offset.as_ref().filter(|of| of.count >= ENOUGH));
+            let base_s = known.map(|of| of.median_s).reduce(f64::max).unwrap_or(0.0);
+            let lead = |(topic, (offset, stamps)): (usize, (&Option<Offset>, Option<Stamps>))| {
+                // Those that are replaced are as the time of recording, whatever the others are.
+                let own = !choice.by_recording(&topics[topic]);
+                let offset = offset.as_ref().filter(|_| own);
+                let offsets_s = offset.map_or([base_s; 2], |of| [of.median_s, of.least_s.min(of.median_s)]);
+                let ahead_s = intervals.get(&topic).map_or(0.0, Intervals::lead);
+                TopicLead { offsets_s, ahead_s, stamps: stamps.filter(|_| own) }
             };
-            clocks.lead = Lead(measured.iter().enumerate().map(lead).collect());
+            let of_topics = measured.iter().zip(stamps).enumerate().map(lead).collect();
+            clocks.lead = Lead { base_s, topics: of_topics };
         }
         for (topic, offset) in topics.iter().zip(measured) {
             // Transforms of several publishers come with delays of their own.
@@ -377,13 +393,17 @@ fn check(path: &Path, topics: &[Topic], measured: &[Option<Offset>]) -> Result<V
             ));
         }
         let most_ahead = if is_tf(topic) { TF_AHEAD_S } else { AHEAD_S };
-        if let (true, Some(exact)) =
-            (offset.median_s > most_ahead, other(&|of| of.median_s.abs() < AHEAD_S / 2.0))
-        {
+        let off = match offset.median_s {
+            off if off > most_ahead => Some(("ahead of", "so it has another clock")),
+            off if off < -BEHIND_S && offset.spread_s < AHEAD_S => {
+                Some(("behind", "so all of it came late, which is believed, or it has another clock"))
+            }
+            _ => None,
+        };
+        if let Some(((off, why), exact)) = off.zip(other(&|of| of.median_s.abs() < AHEAD_S / 2.0)) {
             notes.push(format!(
-                "{file}: the stamps of {name} are {:.2} s ahead of the time of recording, those of {exact} are not, so it has another \
-                 clock; {instead}",
-                offset.median_s
+                "{file}: the stamps of {name} are {:.2} s {off} the time of recording, those of {exact} are not, {why}; {instead}",
+                offset.median_s.abs()
             ));
         }
         if 2 * offset.same > offset.count && !is_tf(topic) {

@@ -1,7 +1,7 @@
 //! How much of a recording each way to know the robot's place covers.
 
 use std::{
-    collections::{BTreeMap, BTreeSet, VecDeque},
+    collections::{BTreeSet, VecDeque},
     path::Path,
 };
 
@@ -18,19 +18,14 @@ use super::clocks::is_tf;
 
 /// Between places farther apart than this the robot is not known; the data node's `max_gap`. Seconds.
 const MAX_GAP_S: f64 = 0.5;
+/// A longer time without a message is a hole, in which nothing is recorded. Seconds.
+const HOLE_S: f64 = 60.0;
+/// A stamp that is farther back is of another run. Seconds.
+const BACK_S: f64 = 1.0;
 /// How long a place waits for its transform, as in the robot node. Seconds.
 const TF_WAIT_S: f64 = 0.5;
 /// Messages of `/tf` that are looked at for frames.
 const LOOKED_AT: usize = 2000;
-
-/// Shares of the time, from 0 to 1, in which the robot is known.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Coverage {
-    /// By the topic of poses.
-    pub(crate) pose: f64,
-    /// By odometry, brought to the map by TF.
-    pub(crate) odometry: f64,
-}
 
 /// Whether this is the topic of transforms, or that of the fixed ones.
 fn is_tf_of(topic: &Topic, tf: &str) -> bool {
@@ -46,14 +41,16 @@ fn opened(path: &Path, wanted: impl Fn(&Topic) -> bool) -> Result<(Recording, Ve
     Ok((recording, topics))
 }
 
-/// Reads the whole recording.
+/// Shares of the time, from 0 to 1, in which the robot is known: by the topic of poses, and by odometry, brought to the map by TF. Reads
+/// the whole recording.
 ///
 /// # Errors
 /// A recording that cannot be opened.
-pub(crate) fn measure(path: &Path, pose: &str, odometry: &str, map: &str, tf: &str) -> Result<Coverage> {
+pub(crate) fn measure(path: &Path, pose: &str, odometry: &str, map: &str, tf: &str) -> Result<[f64; 2]> {
     let wanted = |topic: &Topic| topic.name == pose || topic.name == odometry || is_tf_of(topic, tf);
     let (mut recording, topics) = opened(path, wanted)?;
-    let (mut by_pose, mut by_odometry) = (Known::default(), Known::default());
+    let known = |max_gap_s| Known { max_gap_s, last: None, seconds: 0.0 };
+    let (mut by_pose, mut by_odometry, mut whole) = (known(MAX_GAP_S), known(MAX_GAP_S), known(HOLE_S));
     let mut settle = |transforms: &TfBuffer, (is_pose, stamp, frame): (bool, Time, String)| {
         let frame = if frame.is_empty() { map } else { &frame };
         if transforms.lookup(map, frame, stamp).is_ok() {
@@ -61,8 +58,6 @@ pub(crate) fn measure(path: &Path, pose: &str, odometry: &str, map: &str, tf: &s
         }
     };
     let (mut waiting, mut transforms) = (VecDeque::new(), TfBuffer::default());
-    // Of each run of the recording.
-    let mut spans: BTreeMap<u32, (Time, Time)> = BTreeMap::new();
     for record in recording.by_ref() {
         let topic = &topics[record.topic];
         if is_tf_of(topic, tf) {
@@ -72,9 +67,8 @@ pub(crate) fn measure(path: &Path, pose: &str, odometry: &str, map: &str, tf: &s
             continue;
         }
         let Some(Header { stamp, frame_id }) = header(topic, &record) else { continue };
-        let span = spans.entry(record.lap).or_insert((stamp, stamp));
-        *span = (span.0.min(stamp), span.1.max(stamp));
-        let last = span.1;
+        whole.at(stamp);
+        let last = whole.last.unwrap_or(stamp);
         waiting.push_back((topic.name == pose, stamp, frame_id));
         let is_settled = |(_, stamp, _): &mut (bool, Time, String)| last.secs_since(*stamp) > TF_WAIT_S;
         while let Some(place) = waiting.pop_front_if(is_settled) {
@@ -82,8 +76,8 @@ pub(crate) fn measure(path: &Path, pose: &str, odometry: &str, map: &str, tf: &s
         }
     }
     waiting.into_iter().for_each(|place| settle(&transforms, place));
-    let length = spans.values().map(|(first, last)| last.secs_since(*first)).sum::<f64>().max(1e-9);
-    Ok(Coverage { pose: by_pose.seconds / length, odometry: by_odometry.seconds / length })
+    let length = whole.seconds.max(1e-9);
+    Ok([by_pose, by_odometry].map(|known| known.seconds / length))
 }
 
 /// Stamp and frame of a pose or of odometry. A stamp of 0 is the time of the recording.
@@ -99,8 +93,8 @@ fn header(topic: &Topic, record: &Record) -> Option<Header> {
 }
 
 /// The time in which something is known: the steps between its stamps that are not gaps.
-#[derive(Default)]
 struct Known {
+    max_gap_s: f64,
     last: Option<Time>,
     seconds: f64,
 }
@@ -108,10 +102,13 @@ struct Known {
 impl Known {
     fn at(&mut self, stamp: Time) {
         let step = self.last.map_or(0.0, |last| stamp.secs_since(last));
-        if (0.0..=MAX_GAP_S).contains(&step) {
+        // One out of order adds nothing; in another run, all begins anew.
+        if (0.0..=self.max_gap_s).contains(&step) {
             self.seconds += step;
         }
-        self.last = Some(stamp);
+        if step >= 0.0 || step < -BACK_S {
+            self.last = Some(stamp);
+        }
     }
 }
 

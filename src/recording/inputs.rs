@@ -294,7 +294,14 @@ impl Inputs {
                 self.take(&ROBOT_POSE, &pose);
                 self.take_target(chooser, args, &pose.name)?;
             }
-            (None, None) => self.take_frame(chooser)?,
+            // The robot's place in TF, where nothing else tells it.
+            (None, None) => {
+                let (base, map) = self.frames(chooser)?;
+                self.set("robot", "odom_topic", "");
+                self.chosen.push(format!(
+                    "robot: the place of {base} in {map} by TF; its speed follows from it (no odometry and no pose in the recording)"
+                ));
+            }
         }
         self.take_goal(chooser, &ROBOT_GOAL, args.robot_goal.as_deref())
     }
@@ -316,9 +323,8 @@ impl Inputs {
             }
             let known =
                 coverage::measure(chooser.path, &pose.name, &odometry.name, &target_frame(args), &self.tf)?;
-            let percent = |share: f64| format!("{:.0} % of the time", 100.0 * share);
-            let (by_pose, by_odometry) = (percent(known.pose), percent(known.odometry));
-            if known.odometry <= known.pose + CLEARLY_MORE {
+            let [by_pose, by_odometry] = known.map(|share| format!("{:.0} % of the time", 100.0 * share));
+            if known[1] <= known[0] + CLEARLY_MORE {
                 self.take(&ROBOT_POSE, &pose);
                 if let Some(line) = self.chosen.last_mut() {
                     *line += &format!("; it knows the robot in {by_pose}; {by_tf}: in {by_odometry}");
@@ -349,16 +355,6 @@ impl Inputs {
         ["robot", "human"].iter().for_each(|node| self.set(node, "target_frame", frame));
         self.chosen
             .push(format!("all places in the frame {frame} of {place}: no transform leads to a frame {map}"));
-        Ok(())
-    }
-
-    /// The robot's place in TF, where nothing else tells it.
-    fn take_frame(&mut self, chooser: &Chooser<'_>) -> Result<()> {
-        let (base, map) = self.frames(chooser)?;
-        self.set("robot", "odom_topic", "");
-        self.chosen.push(format!(
-            "robot: the place of {base} in {map} by TF; its speed follows from it (no odometry and no pose in the recording)"
-        ));
         Ok(())
     }
 

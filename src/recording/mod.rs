@@ -23,11 +23,10 @@ use roscausal_core::{
 };
 use roscausal_recording::{Recording, folders_in, is_named_so, recordings_in};
 
-use seen::Seen;
-
 use crate::{chart, folders::batches_in, interrupt::Interrupt, nodes, nodes::Nodes};
 pub(crate) use inputs::{FLAGS, InputArgs, Inputs, parse as parameter};
 pub(crate) use play::{Play, Played};
+pub(crate) use seen::Seen;
 
 /// Whether a path is a recording, judged by its contents, or meant to be one by its name; a folder, if it holds one.
 pub(crate) fn is_recording(path: &Path) -> bool {
@@ -118,7 +117,7 @@ impl Source {
             }
             if !self.recording.next_lap() {
                 played.tell(&self.path);
-                trouble = played.troubles(&seen);
+                trouble = played.troubles(seen);
                 break;
             }
         }

@@ -7,9 +7,26 @@ use roscausal_core::Time;
 use roscausal_msgs::tf2_msgs::TFMessage;
 use roscausal_recording::{Record, Recording};
 
-/// How far each topic is played before the time at which it was recorded, by topic. Seconds.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Lead(pub(super) Vec<f64>);
+use super::clocks::{self, ONE_CLOCK_S, Stamps};
+
+/// How far messages are played before the time at which they were recorded.
+#[derive(Debug, Default)]
+pub(crate) struct Lead {
+    /// The stamps of the topic that came earliest, minus the times of recording: all may be off by the same. Seconds.
+    pub(super) base_s: f64,
+    pub(super) topics: Vec<TopicLead>,
+}
+
+/// How far those of one topic are.
+#[derive(Debug, Default)]
+pub(super) struct TopicLead {
+    /// Stamps minus times of recording: the usual one, and the least one. Seconds.
+    pub(super) offsets_s: [f64; 2],
+    /// How far transforms are played ahead. Seconds.
+    pub(super) ahead_s: f64,
+    /// Where the stamp of a message is; without one, its offset is the usual one.
+    pub(super) stamps: Option<Stamps>,
+}
 
 /// Messages whose stamps are less than this behind the time of recording came in time. Seconds.
 const IN_TIME_S: f64 = 0.05;
@@ -20,14 +37,23 @@ const INTERVALS: f64 = 2.0;
 const LONGEST_S: f64 = 6.0;
 
 impl Lead {
-    /// From a topic's offset, its stamps minus the times of recording.
-    pub(super) fn of_offset(median_s: f64) -> f64 {
-        if median_s < -IN_TIME_S { -median_s } else { 0.0 }
+    /// How late a message with this offset came, as far as that is made up for. Seconds.
+    fn late(&self, offset_s: f64) -> f64 {
+        Some(self.base_s - offset_s)
+            .filter(|late| *late > IN_TIME_S)
+            .map_or(0.0, |late| late.min(ONE_CLOCK_S))
+    }
+
+    /// That of a message, seconds.
+    fn of(&self, record: &Record) -> f64 {
+        let Some(topic) = self.topics.get(record.topic) else { return 0.0 };
+        let stamp = topic.stamps.as_ref().and_then(|stamps| stamps.first(&record.bytes));
+        topic.ahead_s + self.late(stamp.map_or(topic.offsets_s[0], |stamp| stamp.secs_since(record.stamp)))
     }
 
     /// The longest, seconds.
     fn most(&self) -> f64 {
-        self.0.iter().copied().fold(0.0, f64::max)
+        self.topics.iter().map(|topic| topic.ahead_s + self.late(topic.offsets_s[1])).fold(0.0, f64::max)
     }
 }
 
@@ -62,11 +88,11 @@ impl Intervals {
 /// The messages of a run in order.
 pub(super) struct InOrder<'a> {
     pub(super) recording: &'a mut Recording,
-    lead: Lead,
+    lead: Option<&'a Lead>,
     /// The longest lead, seconds.
     most: f64,
-    /// Messages that wait for earlier ones: by their time, then in the order of the file.
-    waiting: BTreeMap<(Time, u64), Record>,
+    /// Messages that wait for earlier ones, each with its number among those of its topic: by their time, then in the order of the file.
+    waiting: BTreeMap<(Time, u64), (Record, u64)>,
     count: u64,
     first: Option<Time>,
     newest: Option<Time>,
@@ -74,15 +100,15 @@ pub(super) struct InOrder<'a> {
 }
 
 impl<'a> InOrder<'a> {
-    /// With no `lead` in the order of recording.
-    pub(super) fn new(recording: &'a mut Recording, lead: Lead) -> Self {
-        let (most, waiting, first, newest) = (lead.most(), BTreeMap::new(), None, None);
-        Self { recording, lead, most, waiting, count: 0, first, newest, at_end: false }
+    /// In the order of recording.
+    pub(super) fn new(recording: &'a mut Recording) -> Self {
+        let (waiting, first, newest) = Default::default();
+        Self { recording, lead: None, most: 0.0, waiting, count: 0, first, newest, at_end: false }
     }
 
-    /// The same, before the first message is read.
-    pub(super) fn with(self, lead: Lead) -> Self {
-        Self { most: lead.most(), lead, ..self }
+    /// In that of the stamps, before the first message is read.
+    pub(super) fn with(self, lead: &'a Lead) -> Self {
+        Self { most: lead.most(), lead: Some(lead), ..self }
     }
 
     /// Whether all that could be earlier than the next one is known.
@@ -91,7 +117,8 @@ impl<'a> InOrder<'a> {
         self.newest.is_some_and(|newest| newest.secs_since(*due) >= self.most)
     }
 
-    pub(super) fn next(&mut self) -> Option<Record> {
+    /// The next message and its number. `numbers`: how many messages of each topic were read.
+    pub(super) fn next(&mut self, numbers: &mut [u64]) -> Option<(Record, u64)> {
         while !self.is_ready() && !self.at_end {
             let Some(mut record) = self.recording.next() else {
                 self.at_end = true;
@@ -100,13 +127,14 @@ impl<'a> InOrder<'a> {
             let came = record.stamp;
             self.newest = Some(self.newest.map_or(came, |newest| newest.max(came)));
             let first = *self.first.get_or_insert(came);
-            let lead = self.lead.0.get(record.topic).copied().unwrap_or(0.0);
+            let lead = self.lead.map_or(0.0, |lead| lead.of(&record));
             if lead > 0.0 {
                 record.stamp = came.plus_secs(-lead).max(first);
             }
             self.count += 1;
-            self.waiting.insert((record.stamp, self.count), record);
+            let number = clocks::number(numbers, &record);
+            self.waiting.insert((record.stamp, self.count), (record, number));
         }
-        self.waiting.pop_first().map(|(_, record)| record)
+        self.waiting.pop_first().map(|(_, numbered)| numbered)
     }
 }

@@ -16,7 +16,7 @@ use roscausal_core::{
     signal::Definitions,
 };
 use roscausal_msgs::{
-    diagnostic_msgs::{DiagnosticArray, DiagnosticStatus},
+    diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue},
     geometry_msgs::PoseStamped,
     nav_msgs::Odometry,
     rosgraph_msgs::Clock,
@@ -25,9 +25,9 @@ use roscausal_msgs::{
 use roscausal_recording::{Player, Record, Recording, Topic};
 
 use super::{
-    clocks::{self, Clocks, Stamps, is_clock},
+    clocks::{Clocks, Stamps, is_clock},
     inputs::{Inputs, ODOMETRY_POSE},
-    order::{InOrder, Lead},
+    order::InOrder,
 };
 
 /// After this time within a hole of a recording, nothing happens until its end.
@@ -38,9 +38,27 @@ const LONGEST_HOLE_NS: i64 = 30 * 86_400 * 1_000_000_000;
 const ENOUGH: f64 = 0.85;
 /// Rows that are more uneven make links at lag 0 in a recording of 1200 rows (`roscausal_core/examples/sightings.rs`). Steps.
 const UNEVEN: f64 = 0.05;
+/// What of the nodes' diagnostics says that messages were left out, or are not what they should be; in more than one of 100 that they sent.
+const LOST: &str = "out of order, without stamp, no transform in time, not finite, not readable, too late, in another frame, clock jumps, \
+                    messages of signals not read";
+/// A longer time without messages of a topic is reported. Seconds.
+const SILENT_S: f64 = 5.0;
 /// What of the nodes' diagnostics is kept.
 const SAID: [&str; 5] = [labels::NAMES, labels::CHANGED, labels::PER_ROW, labels::AHEAD, labels::FOLLOWS];
-type Troubles = Arc<Mutex<BTreeMap<String, String>>>;
+/// By node: what was lost, and its last complaint.
+type Troubles = Arc<Mutex<BTreeMap<String, [String; 2]>>>;
+
+/// What this status of a node says of messages that were left out, or that did not come.
+fn lost(status: &DiagnosticStatus) -> String {
+    let number = |pair: &KeyValue| pair.value.parse::<f64>().unwrap_or(0.0);
+    let sent = status.values.iter().find(|pair| pair.key == "sent").map_or(0.0, number);
+    let is_loss = |pair: &&KeyValue| match pair.key.strip_prefix(labels::SILENCE) {
+        Some(topic) => number(pair) >= SILENT_S && !topic.contains("roscausal/"),
+        None => LOST.split(", ").any(|key| key == pair.key) && 100.0 * number(pair) > sent,
+    };
+    let lost = status.values.iter().filter(is_loss).map(|pair| format!("{}: {}", pair.key, pair.value));
+    lost.collect::<Vec<_>>().join(", ")
+}
 
 /// A recording that is ready to be played. The bus's clock stands at its beginning.
 pub(crate) struct Play<'a> {
@@ -108,9 +126,13 @@ impl<'a> Play<'a> {
                     lock(&people)[place].clone_from(&pair.value);
                 }
             }
-            let mut troubles = lock(&troubles);
-            for status in m.status.into_iter().filter(|status| status.level != DiagnosticStatus::OK) {
-                troubles.insert(status.name, status.message);
+            for status in m.status {
+                let mut troubles = lock(&troubles);
+                let known = troubles.entry(status.name.clone()).or_default();
+                known[0] = lost(&status);
+                if status.level != DiagnosticStatus::OK {
+                    known[1] = status.message;
+                }
             }
         })?;
         // Nodes that act ten times a second act at the same moments in every replay, and in a run whose clock began
@@ -119,7 +141,7 @@ impl<'a> Play<'a> {
         bus.advance_to(start);
         Ok(Self {
             bus: bus.clone(),
-            recording: InOrder::new(recording, Lead::default()),
+            recording: InOrder::new(recording),
             player,
             pose,
             raw,
@@ -141,7 +163,7 @@ impl<'a> Play<'a> {
             let publisher = self.node.advertise(topic, Qos::Latched)?;
             self.fixed.push((publisher, TFMessage { transforms: transforms.values().cloned().collect() }));
         }
-        self.recording = self.recording.with(self.clocks.lead.clone());
+        self.recording = self.recording.with(&self.clocks.lead);
         Ok(self)
     }
 
@@ -159,9 +181,8 @@ impl<'a> Play<'a> {
             publisher.publish(message)?;
             self.bus.settle();
         }
-        while let Some(mut record) = self.recording.next() {
+        while let Some((mut record, number)) = self.recording.next(numbers) {
             let topic = &topics[record.topic];
-            let number = clocks::number(numbers, &record);
             if Some(record.topic) == self.clock {
                 if let Ok(clock) = topic.decode::<Clock>(&record.bytes) {
                     self.advance(clock.clock);
@@ -269,17 +290,20 @@ impl Played {
             );
         }
         self.losses.iter().for_each(|loss| tell!("note: {loss}"));
+        for (node, [lost, trouble]) in lock(&self.troubles).iter().filter(|(_, [lost, _])| !lost.is_empty()) {
+            let why = if lost.contains("no transform") { format!(" ({trouble})") } else { String::new() };
+            tell!("note: {file}: {node} node: {lost}{why}");
+        }
         for (topic, (count, first)) in &self.unreadable {
             tell!("note: {file}: {count} messages of {topic} cannot be read, the first: {first}");
         }
     }
 
     /// What was `seen`, and the last complaints of the nodes, in one line.
-    pub(crate) fn troubles(&self, seen: &str) -> String {
+    pub(crate) fn troubles(&self, seen: String) -> String {
         let troubles = lock(&self.troubles);
-        let of_nodes = troubles.iter().map(|(node, what)| format!("{node}: {what}"));
-        let seen = Some(seen.to_owned()).filter(|seen| !seen.is_empty());
-        let lines: Vec<String> = seen.into_iter().chain(of_nodes).collect();
-        if lines.is_empty() { "no node complained".to_owned() } else { lines.join("; ") }
+        let of_nodes = troubles.iter().filter(|(_, [_, what])| !what.is_empty());
+        let of_nodes = of_nodes.map(|(node, [_, what])| format!("{node}: {what}"));
+        std::iter::once(seen).chain(of_nodes).collect::<Vec<_>>().join("; ")
     }
 }

@@ -88,7 +88,8 @@ pub(super) fn of(topics: Vec<&Topic>) -> Vec<Robot<'_>> {
     let spaces: Vec<Vec<&str>> = topics.iter().map(|topic| namespace(&topic.name)).collect();
     let named = || spaces.iter().filter(|space| !space.is_empty());
     let shortest = named().map(Vec::len).min().unwrap_or(0);
-    let is_shared = |place: &usize| named().all(|space| space[*place] == spaces_first(&spaces)[*place]);
+    let is_shared =
+        |place: &usize| named().zip(named().skip(1)).all(|(one, next)| one[*place] == next[*place]);
     let shared = (0..shortest).take_while(is_shared).count();
     let place = if shared == shortest { 0 } else { shared };
     let mut robots: Vec<Robot<'_>> = Vec::new();
@@ -102,11 +103,6 @@ pub(super) fn of(topics: Vec<&Topic>) -> Vec<Robot<'_>> {
     }
     robots.sort_by(|a, b| a.path.cmp(&b.path));
     robots
-}
-
-/// The first namespace that is one.
-fn spaces_first<'a, 'b>(spaces: &'b [Vec<&'a str>]) -> &'b [&'a str] {
-    spaces.iter().find(|space| !space.is_empty()).map_or(&[], Vec::as_slice)
 }
 
 /// The parts of a topic's name but the last.
@@ -130,11 +126,6 @@ pub(super) fn framed(frames: &BTreeSet<String>, bases: &[&str]) -> Vec<String> {
     };
     let robots: BTreeSet<String> = frames.iter().filter_map(robot).collect();
     robots.into_iter().collect()
-}
-
-/// `a, b`.
-pub(super) fn names(robots: &[Robot<'_>]) -> String {
-    robots.iter().map(|robot| robot.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
 /// The namespace of the robot that the user names. `framed`: those whose frames or states tell of them.

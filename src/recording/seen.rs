@@ -34,13 +34,13 @@ impl Track {
 }
 
 /// What was seen so far.
-pub(super) struct Seen {
+pub(crate) struct Seen {
     tracks: Arc<Mutex<[Track; 2]>>,
     _subscriptions: [LoopbackSubscription; 2],
 }
 
 impl Seen {
-    pub(super) fn on(bus: &Loopback) -> Result<Self> {
+    pub(crate) fn on(bus: &Loopback) -> Result<Self> {
         let node = bus.node("seen");
         let tracks = Arc::new(Mutex::new([Track::default(); 2]));
         let (robot, people) = (tracks.clone(), tracks.clone());

@@ -52,6 +52,7 @@ class Walk:
     robot_came = staticmethod(lambda i, t: t)
     name = staticmethod(lambda i: "7")
     recorded = staticmethod(lambda t: t)  # the recorder's clock
+    has_place = staticmethod(lambda t: True)  # whether the person's place is a number
     frame = "map"  # of the people
     tf_every = 0  # robot messages between two transforms of `odom` in `map`
     tf_stamp = staticmethod(lambda t: t)  # what a transform says
@@ -99,6 +100,8 @@ def messages(s, walk):
             continue
         where, (vx, vy) = person(t), person(t)["v"]
         x, y = where["h_x"], where["h_y"]
+        if not walk.has_place(t):
+            x = math.nan
         if walk.frame == "odom":
             x -= drift(t)
         if walk.frame == "camera":
@@ -187,10 +190,10 @@ class Run:
 
 
 def check(run, walk, cells, batches):
-    """Compares all cells with the truth: as many as `cells` of the person, in so many batches."""
+    """Compares all cells with the truth: as many as `cells` of the person, and of the robot, in so many batches."""
     assert run.code == 0, f"exit code {run.code}"
     assert len(run.batches) == batches, f"{len(run.batches)} batches"
-    counted = 0
+    counted = {"h_x": 0, "r_x": 0}
     for row in (row for batch in run.batches for row in batch):
         t = float(row["time"]) - BEGIN / 1e9
         if t > SECONDS / 2 + walk.hole / 2:
@@ -200,8 +203,9 @@ def check(run, walk, cells, batches):
             if name in CLOSE and cell not in ("", "nan", "NaN"):
                 true, close = {**robot(t), **person(t)}[name], CLOSE[name] + walk.drifts
                 assert abs(float(cell) - true) <= close, f"{column} at {t:.2f} s: {cell} for {true:.4f}"
-                counted += name == "h_x"
-    assert counted >= cells, f"{counted} cells of the person, not {cells}"
+                if name in counted:
+                    counted[name] += 1
+    assert min(counted.values()) >= cells, f"{counted} cells, not {cells}"
 
 
 def jitter(i):
@@ -225,6 +229,16 @@ TROUBLES = {
     "glitch": (Walk(stamp=lambda i, t: t + (3e8 if 300 <= i < 306 else 0)), [], 290, 1, ["6 of 750 messages of /people"]),
     "late": (Walk(came=lambda i, t: t + 3.0), [], 270, 1, []),
     "early": (Walk(robot_came=lambda i, t: t + 1.5), [], 270, 1, []),
+    "wandering": (Walk(came=lambda i, t: t + 1.5 + 1.5 * math.sin(0.3 * t)), [], 295, 1, []),
+    "burst": (Walk(came=lambda i, t: max(t, 12.0) if t > 9 else t), [], 295, 1, []),
+    "out_of_order": (Walk(robot_came=lambda i, t: t + (0.06 if i % 5 == 2 else 0.0)), [], 295, 1, []),
+    "a_little_out_of_order": (
+        Walk(robot_came=lambda i, t: t + (0.045 if i % 5 == 2 else 0.0)), [], 295, 1, ["robot node: out of order: "]),
+    "late_or_slow": (Walk(came=lambda i, t: t + 3.0), [], 270, 1, ["stamps of /people are 3.00 s behind", FLAG]),
+    "no_stamp": (
+        Walk(stamp=lambda i, t: -BEGIN / 1e9 if 10 < t < 12 else t), [], 295, 1, ["human node: without stamp: 49"]),
+    "no_place": (Walk(has_place=lambda t: not 10 < t < 12), [], 278, 1, ["human node: not finite: 49"]),
+    "stops": (Walk(seen=lambda i: even(i) if i < 375 else None), [], 148, 1, ["human node: most seconds without /people: 1"]),
     "hole": (Walk(hole=7200.0), ["--signal", "seen = count(/people.people)", "--ts-length", "0"], 290, 2, []),
     "loop": (Walk(laps=2), [], 290, 1, ["2 runs", "holds the rows of an earlier one"]),
     "two_clocks": (Walk(stamp=lambda i, t: t - 1.6e9), [], None, 0, ["clocks of /people", "--clock /people=recording"]),
@@ -242,6 +256,10 @@ TROUBLES = {
     "tf_clock_mended": (
         Walk(frame="odom", tf_every=1, tf_stamp=lambda t: t + 4.0), ["--clock", "/tf=recording"], 285, 1, []),
     "tf_late": (Walk(frame="odom", tf_every=1, tf_came=lambda t: t + 2.0), [], 285, 1, []),
+    "tf_later": (
+        Walk(frame="odom", tf_every=1, tf_came=lambda t: t + 4.0), [], 285, 1, ["stamps of /tf are 4.00 s behind", "--clock /tf=recording"]),
+    "tf_slow_clock_mended": (
+        Walk(frame="odom", tf_every=1, tf_stamp=lambda t: t - 4.0), ["--clock", "/tf=recording"], 285, 1, []),
     "no_static_tf": (Walk(frame="camera"), [], None, 0, ["camera"]),
     "late_static_tf": (Walk(frame="camera", tf_static=20.0), [], 295, 1, []),
     "tf_1hz": (Walk(frame="odom", tf_every=25, drifts=0.2 * drift(1)), [], 285, 1, []),
@@ -259,7 +277,7 @@ def main():
         scene = scenes[1 if ending == "bag" else 2]
         runs = [(name, *trouble, write) for name, trouble in TROUBLES.items()]
         # A bag of ROS 1 has no list of its parts.
-        named = [] if ending == "bag" else ["missing_1."]
+        named = [] if ending == "bag" else ["missing_1.", "messages that it counts are not there"]
         runs.append(("missing", Walk(), [], 190, 1, named, in_parts))
         for name, walk, flags, cells, batches, sentences, writes in runs:
             path = writes(folder, name, ending, messages(scene, walk), scene.types)

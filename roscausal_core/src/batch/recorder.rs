@@ -37,7 +37,7 @@ const FEWEST_MOVING: u64 = 100;
 const MOST_CONTEXT: usize = 64;
 
 /// How to record.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RecorderConfig {
     /// Step between rows, seconds.
     pub dt_s: f64,
@@ -85,7 +85,7 @@ pub struct RecorderCounts {
 /// must have arrived: when the newest stamp is `max_gap` and 0.5 s later. So the batches depend on the messages
 /// alone. A batch begins with the first row in which the robot and a selected person are there; where nobody is to be
 /// recorded, with the first that has the robot or a signal, and the arrival of signals counts as a stamp.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Recorder {
     config: RecorderConfig,
     dt_ns: i64,
@@ -125,33 +125,8 @@ impl Recorder {
     /// A recorder that has received nothing.
     pub fn new(config: RecorderConfig) -> Self {
         let dt_ns = nanos(config.dt_s).max(1);
-        Self {
-            dt_ns,
-            max_gap_ns: nanos(config.max_gap_s).max(dt_ns),
-            rows_per_batch: config.rows_per_batch(),
-            next_length: None,
-            config,
-            robot: Track::default(),
-            people: BTreeMap::new(),
-            others: BTreeMap::new(),
-            context: BTreeMap::new(),
-            signals: Vec::new(),
-            newest_signal: None,
-            frame: None,
-            newest_robot: None,
-            newest_people: None,
-            next_row: None,
-            open: None,
-            votes: BTreeMap::new(),
-            done: Vec::new(),
-            log: None,
-            fresh: None,
-            seen: BTreeSet::new(),
-            spacing: (0.0, [0.0; 2]),
-            last_late: None,
-            following: [0; 2],
-            counts: RecorderCounts::default(),
-        }
+        let (max_gap_ns, rows_per_batch) = (nanos(config.max_gap_s).max(dt_ns), config.rows_per_batch());
+        Self { dt_ns, max_gap_ns, rows_per_batch, config, ..Self::default() }
     }
 
     /// Makes the recorder also report what to journal. Journals are numbered from `first` on.
@@ -374,12 +349,6 @@ impl Recorder {
         self.close(EndedBy::NodeEnd);
     }
 
-    /// Ends the open batch with the rows that there are and drops the rest. Recording continues with what arrives
-    /// later.
-    pub fn interrupt(&mut self, reason: EndedBy) {
-        self.restart(reason);
-    }
-
     /// The finished batches, oldest first.
     pub fn take_batches(&mut self) -> Vec<Recording> {
         self.take_numbered_batches().into_iter().map(|(batch, _)| batch).collect()
@@ -575,7 +544,9 @@ impl Recorder {
         }
     }
 
-    fn restart(&mut self, reason: EndedBy) {
+    /// Ends the open batch with the rows that there are and drops the rest. Recording continues with what arrives
+    /// later.
+    pub fn restart(&mut self, reason: EndedBy) {
         tracing::warn!("{reason}: the batch ends here, the next one starts anew");
         self.advance(true);
         self.close(reason);

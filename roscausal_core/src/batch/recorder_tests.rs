@@ -137,6 +137,30 @@ fn only_the_selected_are_recorded_and_a_wrong_choice_is_told() {
 }
 
 #[test]
+fn the_first_rows_are_made_by_the_rule_of_all_others() {
+    let mut recorder =
+        Recorder::new(RecorderConfig { sampling: Sampling::Auto, ts_length_s: None, ..config() });
+    for i in 0..400 {
+        let t = f64::from(i) / 100.0;
+        recorder.robot(&robot(t), Time::ZERO);
+        // At 10 Hz, 30 ms after each row; the person is away for a second.
+        if i % 10 == 3 && !(150..250).contains(&i) {
+            recorder.humans(&humans(t, vec![person(7, t)]), Time::ZERO);
+        }
+    }
+    recorder.finish();
+    let batch = recorder.take_batches().remove(0);
+    let rows = &batch.people[&7];
+    let start = batch.start.as_secs_f64();
+    let held: Vec<usize> = (0..rows.len()).filter(|row| rows[*row].x.is_finite()).collect();
+    assert!(held.len() >= 28, "{} rows", held.len());
+    for row in held {
+        let late = rows[row].x - 7.0 - (start + 0.1 * row as f64);
+        assert!((late - 0.03).abs() < 1e-6, "row {row} holds what was {late} s later");
+    }
+}
+
+#[test]
 fn a_gap_longer_than_max_gap_stays_nan() {
     let mut recorder = Recorder::new(config());
     feed(&mut recorder, 5.0..5.31, |_| vec![1]);

@@ -11,8 +11,8 @@ use super::risk::Body;
 
 /// Most samples of one body that wait to become rows.
 const MOST: usize = 100_000;
-/// The usual interval is that below which a third of the last so many lie, since lost samples make intervals longer. Each is a mean of a
-/// few neighbours, which evens out jitter. At the begin a third as many are enough.
+/// The usual interval is that below which a third of so many lie, since lost samples make intervals longer. Each is a mean of a few
+/// neighbours, which evens out jitter. At first fewer are enough.
 const INTERVALS: usize = 15;
 const TOGETHER: usize = 3;
 /// Where samples come at least as often as rows, give or take this share of a step, ...
@@ -177,7 +177,7 @@ pub(super) struct Track {
     samples: VecDeque<(i64, Values)>,
     /// The last stamps that no row needs any more.
     past: VecDeque<i64>,
-    /// The usual one of the last intervals, known once there are some: each row asks for it several times.
+    /// The usual one of the last intervals, known once there is one: each row asks for it several times.
     usual: Option<i64>,
     /// Whether all samples are there from the beginning, so that none waits for others.
     unlimited: bool,
@@ -282,13 +282,16 @@ impl Track {
         Some(self.usual? as f64 / dt as f64)
     }
 
-    /// The usual one of the last intervals; `None` while there are few.
-    fn usual_interval(&self) -> Option<i64> {
-        let over = |(first, last): (&i64, &i64)| (last - first) / TOGETHER as i64;
-        let mut intervals: Vec<i64> =
-            self.past.iter().zip(self.past.iter().skip(TOGETHER)).map(over).collect();
+    /// Finds the usual one of the last intervals, before the row at `t` is made. While they are few, those until `max_gap` later count, too:
+    /// what is stamped so is there by then.
+    pub(super) fn settle(&mut self, t: i64, max_gap: i64) {
+        let end = t.saturating_add(max_gap);
+        let coming = self.samples.iter().map(|(stamp, _)| *stamp).take_while(|stamp| *stamp <= end);
+        let stamps: Vec<i64> = self.past.iter().copied().chain(coming).take(INTERVALS + TOGETHER).collect();
+        let over = |run: &[i64]| (run[TOGETHER] - run[0]) / TOGETHER as i64;
+        let mut intervals: Vec<i64> = stamps.windows(TOGETHER + 1).map(over).collect();
         intervals.sort_unstable();
-        intervals.get(intervals.len() / 3).copied().filter(|_| intervals.len() >= INTERVALS / 3)
+        self.usual = intervals.get(intervals.len() / 3).copied();
     }
 
     /// The last sample that is not later than `t`, and the one after it.
@@ -310,15 +313,11 @@ impl Track {
 
     /// Drops what no row at `t` or later needs. Returns whether any sample is left that such a row may need.
     pub(super) fn forget_before(&mut self, t: i64, max_gap: i64) -> bool {
-        let last_past = self.past.back().copied();
         while self.samples.get(1).is_some_and(|(second, _)| *second <= t) {
             self.past.extend(self.samples.pop_front().map(|(stamp, _)| stamp));
             if self.past.len() > INTERVALS + TOGETHER {
                 self.past.pop_front();
             }
-        }
-        if self.past.back().copied() != last_past {
-            self.usual = self.usual_interval();
         }
         self.samples.back().is_some_and(|(last, _)| *last >= t - max_gap)
     }
@@ -372,8 +371,13 @@ mod tests {
             let moment = if seen.makes_rows(dt, Sampling::Auto) { seen.nearest(t, dt)? } else { t };
             seen.row(moment, dt, 500, Sampling::Linear).map(|values| values.x)
         };
-        assert_ne!(row(&seen, 2400, 100), Some(24.0), "nothing is usual yet");
+        assert_ne!(row(&seen, 200, 100), Some(2.0), "nothing is usual yet");
+        seen.settle(0, 250);
+        assert_ne!(row(&seen, 200, 100), Some(2.0), "three samples are too few");
+        seen.settle(0, 500);
+        assert_eq!(row(&seen, 200, 100), Some(2.0), "the first rows are made as all others");
         seen.forget_before(2300, 500);
+        seen.settle(2300, 500);
         let rows: Vec<Option<f64>> = (23..28).map(|number| row(&seen, 100 * number, 100)).collect();
         assert_eq!(rows, [Some(23.0), Some(24.0), None, Some(26.0), Some(27.0)]);
         for (dt, why) in [(50, "rows are closer than samples"), (500, "here there are enough")] {

@@ -176,7 +176,7 @@ pub async fn data_task<M: Middleware>(mw: &M, on_progress: impl Fn(Recorded)) ->
         }
         let is_full = writer.is_full();
         if is_full && !stopped {
-            recorder.interrupt(EndedBy::FullPool);
+            recorder.restart(EndedBy::FullPool);
         }
         stopped = is_full;
         let now = mw.now();

@@ -6,8 +6,10 @@ use roscausal_msgs::{
     std_msgs::Header,
 };
 
+use super::labels::SILENCE;
 use crate::{
     Message, Result,
+    inbox::Inbox,
     middleware::{Middleware, Publish, Qos, namespace_of},
 };
 
@@ -35,6 +37,15 @@ struct Input {
     required: bool,
     heard: u64,
     last: Option<Time>,
+    /// Longest time between two messages, seconds.
+    longest_s: f64,
+}
+
+impl Input {
+    /// The longest time without a message since `start`, seconds.
+    fn silence(&self, start: Time, now: Time) -> f64 {
+        self.longest_s.max(now.secs_since(self.last.unwrap_or(start)))
+    }
 }
 
 impl<M: Middleware> Health<M> {
@@ -56,12 +67,25 @@ impl<M: Middleware> Health<M> {
             true => topic.to_owned(),
             false => format!("{}/{topic}", self.namespace),
         };
-        self.inputs.push(Input { topic, type_name, required, heard: 0, last: None });
+        self.inputs.push(Input { topic, type_name, required, heard: 0, last: None, longest_s: 0.0 });
         self.inputs.len() - 1
+    }
+
+    /// Subscribes to an input, as [`Health::input`]; `event` gets its number.
+    pub(super) fn hear<T: Message, E: Send + 'static>(
+        &mut self,
+        mw: &M,
+        inbox: &Inbox<E>,
+        (topic, required): (&str, bool),
+        event: impl Fn(usize, T) -> E + Send + 'static,
+    ) -> Result<M::Subscription> {
+        let input = self.input::<T>(topic, required);
+        inbox.subscribe(mw, topic, Qos::Volatile(100), move |message| event(input, message))
     }
 
     pub(super) fn heard(&mut self, input: usize, now: Time) {
         if let Some(input) = self.inputs.get_mut(input) {
+            input.longest_s = input.silence(self.started, now);
             input.heard += 1;
             input.last = Some(now);
         }
@@ -96,6 +120,10 @@ impl<M: Middleware> Health<M> {
         let received = |input: &Input| pair(&format!("received {}", input.topic), input.heard.to_string());
         let lost = |(topic, count): (String, u64)| pair(&format!("lost {topic}"), count.to_string());
         let mut values: Vec<KeyValue> = self.inputs.iter().map(received).collect();
+        let silence = |input: &Input| {
+            pair(&format!("{SILENCE}{}", input.topic), format!("{:.0}", input.silence(self.started, now)))
+        };
+        values.extend(self.inputs.iter().filter(|input| input.required).map(silence));
         values.extend(mw.lost().into_iter().map(lost));
         values.push(pair("sent", self.outputs.to_string()));
         values.extend(figures().into_iter().map(|(key, value)| pair(key, value)));
@@ -126,11 +154,9 @@ impl<M: Middleware> Health<M> {
         let same =
             mw.topics().into_iter().filter(|(topic, kind)| *kind == input.type_name && *topic != input.topic);
         let same: Vec<String> = same.map(|(topic, _)| topic).collect();
-        let hint = if same.is_empty() { "none".to_owned() } else { same.join(", ") };
-        let Input { topic, type_name, .. } = input;
-        Some(format!(
-            "no messages on {topic} ({type_name}) for {seconds:.0} s; other topics of that type: {hint}"
-        ))
+        let others = "; other topics of that type: ";
+        let hint = if same.is_empty() { String::new() } else { format!("{others}{}", same.join(", ")) };
+        Some(format!("no messages on {} ({}) for {seconds:.0} s{hint}", input.topic, input.type_name))
     }
 
     /// Logs a problem once when it appears, and once when it is over.

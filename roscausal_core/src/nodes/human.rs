@@ -37,6 +37,9 @@ const ROS4HRI: [(&str, &str); 2] =
 /// Seconds between two reads of the goal parameter.
 const GOAL_EVERY_S: f64 = 1.0;
 
+/// When people were seen, and who.
+type Seen = (Time, Vec<(Who, Sighting)>);
+
 enum Event {
     People(usize, Seen),
     /// A message of any type, by the number of its reader.
@@ -212,7 +215,9 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
         let unreadable = || readers.iter().map(|(_, reader)| reader.unreadable()).sum::<u64>();
         let figures = || {
             [
+                ("out of order", tracker.late.to_string()),
                 ("no transform in time", tracker.without_transform.to_string()),
+                ("not finite", tracker.not_finite.to_string()),
                 ("without stamp", unstamped.to_string()),
                 ("seen twice at one stamp", tracker.repeated.to_string()),
                 (labels::NAMES, tracker.identities.names.reported()),
@@ -243,19 +248,20 @@ fn subscribe_people<M: Middleware>(
 ) -> Result<Vec<M::Subscription>> {
     let mut subscriptions = Vec::new();
     if let Some(topic) = params.text_if_set("auto_people_topic") {
-        subscriptions.push(subscribe(mw, inbox, health, (&topic, false), of_agents)?);
+        subscriptions
+            .push(health.hear(mw, inbox, (&topic, false), |input, m| Event::People(input, of_agents(m)))?);
     }
     if let Some(topic) = params.text_if_set("teleop_people_topic") {
-        let people = |m: pedsim_msgs::TrackedPersons| {
-            of_tracks(m.header, m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist)))
+        let people = |input, m: pedsim_msgs::TrackedPersons| {
+            let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
+            Event::People(input, of_tracks(m.header, tracks))
         };
-        subscriptions.push(subscribe(mw, inbox, health, (&topic, false), people)?);
+        subscriptions.push(health.hear(mw, inbox, (&topic, false), people)?);
     }
     if params.text("people_type") == "ros4hri" {
         for (topic, prefix) in ROS4HRI {
-            let input = health.input::<hri_msgs::IdsList>(topic, false);
-            let ids = move |m: hri_msgs::IdsList| Event::Tracked(input, m.header.stamp, prefix, m.ids);
-            subscriptions.push(inbox.subscribe(mw, topic, Qos::Volatile(100), ids)?);
+            let ids = move |input, m: hri_msgs::IdsList| Event::Tracked(input, m.header.stamp, prefix, m.ids);
+            subscriptions.push(health.hear(mw, inbox, (topic, false), ids)?);
         }
     }
     let Some(topic) = params.text_if_set("people_topic") else { return Ok(subscriptions) };
@@ -270,33 +276,23 @@ fn subscribe_people<M: Middleware>(
         }
         return Ok(subscriptions);
     }
-    let topic = (topic.as_str(), true);
-    subscriptions.push(match params.text("people_type").as_str() {
+    match params.text("people_type").as_str() {
         "spencer_tracking_msgs/TrackedPersons" => {
-            subscribe(mw, inbox, health, topic, |m: spencer_tracking_msgs::TrackedPersons| {
-                of_tracks(m.header, m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist)))
-            })?
+            let people = |input, m: spencer_tracking_msgs::TrackedPersons| {
+                let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
+                Event::People(input, of_tracks(m.header, tracks))
+            };
+            subscriptions.push(health.hear(mw, inbox, (&topic, true), people)?);
         }
-        "people_msgs/People" => subscribe(mw, inbox, health, topic, of_people)?,
-        "geometry_msgs/PoseArray" => subscribe(mw, inbox, health, topic, of_poses)?,
-        _ => return Ok(subscriptions),
-    });
+        "people_msgs/People" => subscriptions
+            .push(health.hear(mw, inbox, (&topic, true), |input, m| Event::People(input, of_people(m)))?),
+        "geometry_msgs/PoseArray" => {
+            subscriptions
+                .push(health.hear(mw, inbox, (&topic, true), |input, m| Event::People(input, of_poses(m)))?)
+        }
+        _ => {}
+    }
     Ok(subscriptions)
-}
-
-/// People of one message, and its stamp.
-type Seen = (Time, Vec<(Who, Sighting)>);
-
-/// Subscribes to a topic of people that may be required.
-fn subscribe<M: Middleware, T: Message>(
-    mw: &M,
-    inbox: &Inbox<Event>,
-    health: &mut Health<M>,
-    (topic, required): (&str, bool),
-    people: fn(T) -> Seen,
-) -> Result<M::Subscription> {
-    let input = health.input::<T>(topic, required);
-    inbox.subscribe(mw, topic, Qos::Volatile(100), move |message| Event::People(input, people(message)))
 }
 
 fn of_agents(message: pedsim_msgs::AgentStates) -> Seen {
@@ -326,8 +322,8 @@ fn of_people(message: people_msgs::People) -> Seen {
 /// Poses have no identity.
 fn of_poses(message: PoseArray) -> Seen {
     let header = message.header;
-    let sighting = |pose| Sighting { header: header.clone(), pose, ..Sighting::default() };
-    (header.stamp, message.poses.into_iter().map(|pose| (Who::Unknown, sighting(pose))).collect())
+    let sighting = |pose| (Who::Unknown, Sighting { header: header.clone(), pose, ..Sighting::default() });
+    (header.stamp, message.poses.into_iter().map(sighting).collect())
 }
 
 /// People who are TF frames: ROS4HRI's, or those of a pattern.

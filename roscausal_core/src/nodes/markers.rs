@@ -30,8 +30,8 @@ const COLLISION: [f32; 4] = [0.76, 0.15, 0.11, 0.4];
 const TEXT: [f32; 4] = [0.9, 0.9, 0.9, 1.0];
 
 enum Event {
-    Robot(RobotState),
-    Humans(Humans),
+    Robot(usize, RobotState),
+    Humans(usize, Humans),
 }
 
 /// The topic with the type that the middleware carries.
@@ -58,10 +58,8 @@ pub(super) async fn markers_task<M: Middleware>(mw: &M) -> Result<()> {
         _ => Output::Ros1(mw.advertise(TOPIC, Qos::Volatile(10))?),
     };
     let robot_topic = options.robot_topic()?;
-    let robot_input = health.input::<RobotState>(&robot_topic, false);
-    let humans_input = health.input::<Humans>("roscausal/humans", true);
-    let _robot = inbox.subscribe(mw, &robot_topic, Qos::Volatile(100), Event::Robot)?;
-    let _humans = inbox.subscribe(mw, "roscausal/humans", Qos::Volatile(100), Event::Humans)?;
+    let _robot = health.hear(mw, &inbox, (&robot_topic, false), Event::Robot)?;
+    let _humans = health.hear(mw, &inbox, ("roscausal/humans", true), Event::Humans)?;
 
     let mut robot: Option<RobotState> = None;
     let mut due = mw.now();
@@ -69,12 +67,12 @@ pub(super) async fn markers_task<M: Middleware>(mw: &M) -> Result<()> {
         match inbox.awaited(mw, Some(health.next)).await {
             Next::Shutdown => return Ok(()),
             Next::Deadline => {}
-            Next::Event(Event::Robot(state)) => {
-                health.heard(robot_input, mw.now());
+            Next::Event(Event::Robot(input, state)) => {
+                health.heard(input, mw.now());
                 robot = Some(state);
             }
-            Next::Event(Event::Humans(humans)) => {
-                health.heard(humans_input, mw.now());
+            Next::Event(Event::Humans(input, humans)) => {
+                health.heard(input, mw.now());
                 let now = mw.now();
                 due = due.min(now.plus_secs(PERIOD_S));
                 if now >= due {

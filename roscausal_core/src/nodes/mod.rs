@@ -65,6 +65,8 @@ pub mod labels {
     pub const AHEAD: &str = "rows uneven or ahead, 1/1000 of a step";
     /// How much of the time the robot keeps following people.
     pub const FOLLOWS: &str = "rows in which the robot follows, of 100 in which both move";
+    /// Before a topic: the longest time without messages of it.
+    pub const SILENCE: &str = "most seconds without ";
 }
 
 /// Expands `~` to the home folder.

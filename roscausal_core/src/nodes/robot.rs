@@ -91,33 +91,28 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
     let state_topic = in_namespace("robot", &robot, "roscausal/robot")?;
     let publisher = mw.advertise::<RobotState>(&state_topic, Qos::Volatile(100))?;
 
-    let qos = Qos::Volatile(100);
     let odometry = |topic: String| {
         let topic = in_namespace("robot", &robot, &topic)?;
-        if params.text("odom_type") == "TwistStamped" {
-            let input = health.input::<TwistStamped>(&topic, true);
-            inbox.subscribe(mw, &topic, qos, move |m| Event::Odometry(input, Box::new(of_twist(m))))
-        } else {
-            let input = health.input::<Odometry>(&topic, true);
-            inbox.subscribe(mw, &topic, qos, move |m| Event::Odometry(input, Box::new(m)))
+        let input = (topic.as_str(), true);
+        match params.text("odom_type") == "TwistStamped" {
+            true => health.hear(mw, &inbox, input, |of, m| Event::Odometry(of, Box::new(of_twist(m)))),
+            false => health.hear(mw, &inbox, input, |of, m| Event::Odometry(of, Box::new(m))),
         }
     };
     let _odometry = params.text_if_set("odom_topic").map(odometry).transpose()?;
     let pose = |topic: String| {
         let topic = in_namespace("robot", &robot, &topic)?;
+        let input = (topic.as_str(), true);
         match params.text("pose_type").as_str() {
             "Odometry" => {
-                let input = health.input::<Odometry>(&topic, true);
-                inbox.subscribe(mw, &topic, qos, move |m: Odometry| Event::Pose(input, m.header, m.pose.pose))
+                health.hear(mw, &inbox, input, |of, m: Odometry| Event::Pose(of, m.header, m.pose.pose))
             }
             "PoseStamped" => {
-                let input = health.input::<PoseStamped>(&topic, true);
-                inbox.subscribe(mw, &topic, qos, move |m: PoseStamped| Event::Pose(input, m.header, m.pose))
+                health.hear(mw, &inbox, input, |of, m: PoseStamped| Event::Pose(of, m.header, m.pose))
             }
             _ => {
-                let input = health.input::<PoseWithCovarianceStamped>(&topic, true);
-                let pose = move |m: PoseWithCovarianceStamped| Event::Pose(input, m.header, m.pose.pose);
-                inbox.subscribe(mw, &topic, qos, pose)
+                let pose = |of, m: PoseWithCovarianceStamped| Event::Pose(of, m.header, m.pose.pose);
+                health.hear(mw, &inbox, input, pose)
             }
         }
     };
@@ -145,7 +140,7 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
     };
     let _goal = params.text_if_set("goal_topic").map(goal).transpose()?;
     let tf = params.text_if_set("tf_topic").unwrap_or_else(|| "/tf".to_owned());
-    let _tf = inbox.subscribe(mw, &tf, qos, |m| Event::Tf(m, false))?;
+    let _tf = inbox.subscribe(mw, &tf, Qos::Volatile(100), |m| Event::Tf(m, false))?;
     let _tf_static = inbox.subscribe(mw, &format!("{tf}_static"), Qos::Latched, |m| Event::Tf(m, true))?;
 
     let mut tracker =
@@ -181,10 +176,12 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
         }
         let figures = || {
             [
-                ("poses without odometry", tracker.unpaired().to_string()),
-                ("out of order or twice", tracker.late().to_string()),
+                ("poses without odometry", tracker.pairing.unpaired.to_string()),
+                ("out of order", tracker.pairing.late.to_string()),
+                ("twice at one stamp", tracker.pairing.repeated.to_string()),
                 ("without stamp", tracker.unstamped.to_string()),
                 ("no transform in time", tracker.without_transform.to_string()),
+                ("not finite", tracker.not_finite.to_string()),
                 ("clock jumps back", tracker.jumps.to_string()),
                 ("dropped", inbox.dropped().to_string()),
             ]

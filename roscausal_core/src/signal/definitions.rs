@@ -39,11 +39,6 @@ pub struct Definitions {
 }
 
 impl Definitions {
-    /// Definitions from `.msg` files in these folders, the first that has a type counts.
-    pub fn in_folders(folders: Vec<PathBuf>) -> Self {
-        Self { folders }
-    }
-
     /// The folders in `msg_path`, separated by `:`, then those of the ROS installations in `AMENT_PREFIX_PATH`.
     pub fn of(msg_path: &str) -> Self {
         let ament = std::env::var("AMENT_PREFIX_PATH").unwrap_or_default();

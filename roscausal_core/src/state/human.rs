@@ -13,7 +13,7 @@ use roscausal_msgs::{
 use super::{
     identity::{Gates, Identities, Who},
     motion::Motion,
-    robot::{TF_WAIT_S, unknown},
+    robot::{TF_WAIT_S, Trouble, unknown},
     tf::{TfBuffer, planar_pose},
 };
 
@@ -83,6 +83,10 @@ pub struct PeopleTracker {
     placed: Time,
     /// Sightings left out because no transform came in time.
     pub without_transform: u64,
+    /// Sightings left out because they hold NaN or infinity.
+    pub not_finite: u64,
+    /// Sightings out of order without a velocity; they are left out.
+    pub late: u64,
     /// Sightings left out because the person was already seen at that stamp: the first one counts.
     pub repeated: u64,
     /// Frames of people and map.
@@ -108,12 +112,6 @@ impl PeopleTracker {
     #[must_use]
     pub fn with(self, gates: Gates, noise_m: f64) -> Self {
         Self { identities: Identities::new(gates), noise_m, ..self }
-    }
-
-    /// Adds a sighting of somebody whose number is known. It waits for its transform if that is late.
-    pub fn sighting(&mut self, sighting: Sighting) {
-        self.message(sighting.header.stamp, vec![(Who::Number(sighting.id), sighting)]);
-        while self.advance() {}
     }
 
     /// Adds the people of a message, whose ids follow from who they are and where in the target frame. They wait for their
@@ -237,8 +235,8 @@ impl PeopleTracker {
         for (who, mut sighting) in people {
             match self.in_target(&mut sighting) {
                 Ok(pose) => placed.push(Placed { who, sighting, pose }),
-                Err(reason) => {
-                    self.without_transform += 1;
+                Err(why) => {
+                    let reason = why.counted(&mut self.without_transform, &mut self.not_finite);
                     let name = match &who {
                         Who::Number(number) => format!("person {number}"),
                         Who::Name(name) => format!("person '{name}'"),
@@ -257,9 +255,10 @@ impl PeopleTracker {
     }
 
     /// Somebody's pose in the target frame; velocity and goal are brought there, too.
-    fn in_target(&self, sighting: &mut Sighting) -> Result<Pose2D, String> {
+    fn in_target(&self, sighting: &mut Sighting) -> Result<Pose2D, Trouble> {
         let stamp = sighting.header.stamp;
-        let place = self.tf.lookup(&self.target_frame, self.frame(&sighting.header), stamp)?;
+        let place = self.tf.lookup(&self.target_frame, self.frame(&sighting.header), stamp);
+        let place = place.map_err(Trouble::Transform)?;
         // What is in that frame already stays as it is, also where parts of it are NaN.
         if place != Isometry3::identity() {
             if let Some(twist) = &mut sighting.twist {
@@ -273,7 +272,7 @@ impl PeopleTracker {
                 (goal.x, goal.y, goal.z) = (moved.x, moved.y, moved.z);
             }
         }
-        planar_pose(&place, &sighting.pose)
+        planar_pose(&place, &sighting.pose).map_err(Trouble::Number)
     }
 
     fn take(&mut self, id: u32, sighting: Sighting, mut pose2d: Pose2D) {
@@ -286,6 +285,7 @@ impl PeopleTracker {
         let is_older = known.is_some_and(|known| known > stamp);
         if is_older && sighting.twist.is_none() {
             // The filter of velocities does not go back.
+            self.late += 1;
             return;
         }
         let twist = sighting.twist.unwrap_or_else(|| {
@@ -333,6 +333,14 @@ pub(crate) fn walking([x, y]: [f64; 2]) -> Twist {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl PeopleTracker {
+        /// Adds a sighting of somebody whose number is known. It waits for its transform if that is late.
+        fn sighting(&mut self, sighting: Sighting) {
+            self.message(sighting.header.stamp, vec![(Who::Number(sighting.id), sighting)]);
+            while self.advance() {}
+        }
+    }
 
     fn seen(id: u32, secs: f64, x: f64) -> Sighting {
         let header = Header { stamp: Time::from_secs_f64(secs), frame_id: "map".into() };

@@ -31,7 +31,8 @@ pub struct RobotTracker {
     target_frame: String,
     /// The robot's own frame, when its place in TF is the pose.
     pose_frame: Option<String>,
-    pairing: Pairing<(Header, Pose), Odometry>,
+    /// Poses and odometry, with what was left out of them.
+    pub(crate) pairing: Pairing<(Header, Pose), Odometry>,
     goals: Goals,
     /// Pairs that wait for a transform, in order.
     waiting: VecDeque<(Header, Pose, Odometry)>,
@@ -41,6 +42,8 @@ pub struct RobotTracker {
     tf: TfBuffer,
     /// Pairs left out because no transform came in time.
     pub without_transform: u64,
+    /// Pairs left out because they hold NaN or infinity.
+    pub not_finite: u64,
     /// Messages without a stamp; they get the time of arrival.
     pub unstamped: u64,
     /// How often the clock jumped back.
@@ -95,9 +98,9 @@ impl RobotTracker {
         let stamp = header.stamp;
         if let Some(past) = &self.past {
             let waiting = self.waiting.back().map(|(header, ..)| header.stamp);
-            if waiting.max(past.back().map(|(stamp, _)| *stamp)).is_some_and(|last| last >= stamp) {
-                self.pairing.late += 1;
-                return Vec::new();
+            let last = waiting.max(past.back().map(|(stamp, _)| *stamp)).filter(|last| *last >= stamp);
+            if let Some(last) = last {
+                return self.pairing.leave_out(last > stamp);
             }
             return self.pairs(vec![((header, pose), Odometry::default())]);
         }
@@ -123,16 +126,6 @@ impl RobotTracker {
             }
         }
         states
-    }
-
-    /// Poses without odometry close to them.
-    pub fn unpaired(&self) -> u64 {
-        self.pairing.unpaired
-    }
-
-    /// Messages that came out of order, or twice.
-    pub fn late(&self) -> u64 {
-        self.pairing.late
     }
 
     /// The stamp, or `now` if there is none. A clock that jumped back restarts everything.
@@ -176,9 +169,7 @@ impl RobotTracker {
                     states.extend(self.with_speed(state));
                 }
                 Err(trouble) => {
-                    self.without_transform += u64::from(matches!(trouble, Trouble::Transform(_)));
-                    let (Trouble::Transform(reason) | Trouble::Number(reason)) = trouble;
-                    self.trouble = Some(reason);
+                    self.trouble = Some(trouble.counted(&mut self.without_transform, &mut self.not_finite));
                 }
             }
             self.waiting.pop_front();
@@ -244,11 +235,23 @@ impl RobotTracker {
 }
 
 /// Why there is no state.
-enum Trouble {
+pub(super) enum Trouble {
     /// A frame is not there, or not for that time.
     Transform(String),
     /// A number is not finite.
     Number(String),
+}
+
+impl Trouble {
+    /// Counts it as one of these; returns the reason.
+    pub(super) fn counted(self, without_transform: &mut u64, not_finite: &mut u64) -> String {
+        let (count, reason) = match self {
+            Self::Transform(reason) => (without_transform, reason),
+            Self::Number(reason) => (not_finite, reason),
+        };
+        *count += 1;
+        reason
+    }
 }
 
 /// An unknown position.
@@ -354,9 +357,7 @@ mod tests {
             assert!(robot.odometry(odometry(t, 0.4), NOW).is_empty());
         }
         assert!(robot.without_transform >= 14, "{}", robot.without_transform);
-        assert!(
-            robot.trouble.as_deref().is_some_and(|why| why.contains("'odom' is") && why.contains("alive"))
-        );
+        assert!(robot.trouble.as_deref().is_some_and(|why| why.contains("transform of frame 'odom' is")));
     }
 
     #[test]
@@ -370,7 +371,7 @@ mod tests {
         assert_eq!((states.len(), states[0].twist.linear.x), (1, 0.5));
         assert!((states[0].pose2d.x - 4.0).abs() < 1e-9);
         assert!(robot.odometry(odometry(1.1, 0.5), NOW).is_empty(), "twice");
-        assert_eq!((robot.late(), robot.without_transform), (1, 0));
+        assert_eq!((robot.pairing.repeated, robot.without_transform), (1, 0));
     }
 
     #[test]
@@ -386,7 +387,7 @@ mod tests {
             states.extend(robot.pose(header(1.0 + t, "map"), pose, NOW));
             assert!(robot.pose(header(1.0 + t, "map"), pose, NOW).is_empty(), "twice");
         }
-        assert_eq!((states.len(), robot.late()), (39, 40), "the first pose tells no speed");
+        assert_eq!((states.len(), robot.pairing.repeated), (39, 40), "the first pose tells no speed");
         for state in &states {
             assert!((state.twist.linear.x - 0.5).abs() < 1e-3 && state.twist.linear.y.abs() < 0.01);
             assert!((state.twist.angular.z - 0.2).abs() < 1e-9);
@@ -441,7 +442,7 @@ mod tests {
         }
         let stamps: Vec<f64> = states.iter().map(|state| state.header.stamp.as_secs_f64()).collect();
         assert_eq!(stamps, [1.0, 1.2, 1.3]);
-        assert_eq!(robot.late(), 4);
+        assert_eq!((robot.pairing.late, robot.pairing.repeated), (2, 2));
     }
 
     #[test]

@@ -25,32 +25,24 @@ pub struct Pairing<A, B> {
     slop_s: f64,
     /// Messages of A without a partner.
     pub unpaired: u64,
-    /// Messages that are out of order or repeat a stamp; they are left out.
+    /// Messages that are out of order; they are left out.
     pub late: u64,
+    /// Messages that repeat a stamp; the first one counts.
+    pub repeated: u64,
 }
 
 impl<A, B: Clone> Pairing<A, B> {
     /// Pairs that are at most `slop_s` seconds apart. At most `queue_size` messages of each topic wait.
     pub fn new(queue_size: usize, slop_s: f64) -> Self {
-        Self {
-            a: VecDeque::new(),
-            b: VecDeque::new(),
-            newest_a: None,
-            queue_size: queue_size.max(1),
-            slop_s,
-            unpaired: 0,
-            late: 0,
-        }
+        let (a, b, newest_a, unpaired, late, repeated) = Default::default();
+        Self { a, b, newest_a, queue_size: queue_size.max(1), slop_s, unpaired, late, repeated }
     }
 
     /// Adds a message of topic A and returns the pairs that it completes.
     pub fn push_a(&mut self, stamp: Time, message: A) -> Vec<(A, B)> {
         match self.newest_a {
             Some(last) if last.secs_since(stamp) > JUMP_S => self.clear(),
-            Some(last) if last >= stamp => {
-                self.late += 1;
-                return Vec::new();
-            }
+            Some(last) if last >= stamp => return self.leave_out(last > stamp),
             _ => {}
         }
         self.newest_a = Some(stamp);
@@ -66,10 +58,7 @@ impl<A, B: Clone> Pairing<A, B> {
     pub fn push_b(&mut self, stamp: Time, message: B) -> Vec<(A, B)> {
         match self.b.back() {
             Some((last, _)) if last.secs_since(stamp) > JUMP_S => self.clear(),
-            Some((last, _)) if *last >= stamp => {
-                self.late += 1;
-                return Vec::new();
-            }
+            Some((last, _)) if *last >= stamp => return self.leave_out(*last > stamp),
             _ => {}
         }
         self.b.push_back((stamp, message));
@@ -84,12 +73,19 @@ impl<A, B: Clone> Pairing<A, B> {
 
     /// Takes a message of each topic, both of the same stamp; the pairs that they complete.
     pub fn push_both(&mut self, stamp: Time, a: A, b: B) -> Vec<(A, B)> {
-        let late = self.late;
+        let left_out = self.late + self.repeated;
         let mut pairs = self.push_a(stamp, a);
-        if self.late == late {
+        if self.late + self.repeated == left_out {
             pairs.extend(self.push_b(stamp, b));
         }
         pairs
+    }
+
+    /// Counts a message that makes no pair, as one out of order or with the stamp of another.
+    pub(super) fn leave_out<P>(&mut self, is_late: bool) -> Vec<P> {
+        let count = if is_late { &mut self.late } else { &mut self.repeated };
+        *count += 1;
+        Vec::new()
     }
 
     /// Drops all waiting messages: time jumped back.
@@ -174,7 +170,7 @@ mod tests {
         pairing.push_b(at(980), 2);
         pairing.push_b(at(1000), 3);
         assert_eq!(pairing.push_a(at(1000), 0), [(0, 1)]);
-        assert_eq!(pairing.late, 2);
+        assert_eq!((pairing.late, pairing.repeated), (1, 1));
     }
 
     #[test]
@@ -182,7 +178,8 @@ mod tests {
         let mut pairing = Pairing::new(10, 0.1);
         assert_eq!(pairing.push_both(at(1000), 1, 2), [(1, 2)]);
         assert_eq!(pairing.push_both(at(1000), 3, 4), []);
-        assert_eq!((pairing.push_both(at(1100), 5, 6), pairing.late), (vec![(5, 6)], 1));
+        assert_eq!((pairing.push_both(at(1100), 5, 6), pairing.repeated), (vec![(5, 6)], 1));
+        assert_eq!((pairing.push_both(at(1050), 7, 8), pairing.late), (vec![], 1));
     }
 
     #[test]

@@ -163,8 +163,7 @@ impl Frame {
         if stamp <= *first || stamp >= *last {
             let (near, place) = if stamp <= *first { (first, oldest) } else { (last, newest) };
             let away = near.secs_since(stamp).abs();
-            let hint = "is its publisher alive?";
-            let late = || format!("frame '{name}' is {away:.2} s away from the time asked for; {hint}");
+            let late = || format!("the nearest transform of frame '{name}' is {away:.2} s away");
             return if away <= EXTRAPOLATE_S { Ok(*place) } else { Err(late()) };
         }
         let after = self.places.partition_point(|(s, _)| *s <= stamp);

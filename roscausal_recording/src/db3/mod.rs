@@ -73,9 +73,9 @@ impl Db3 {
 
     fn read_topics(&mut self) -> rusqlite::Result<()> {
         // Later versions of the format have more columns. A missing column is not a fault.
-        let profiles = "offered_qos_profiles";
-        let has_profiles = self.columns("topics")?.iter().any(|column| column == profiles);
-        let profiles = if has_profiles { profiles } else { "''" };
+        let profiles = "SELECT count(*) FROM pragma_table_info('topics') WHERE name = 'offered_qos_profiles'";
+        let has_profiles: bool = self.database.query_row(profiles, [], |row| row.get(0))?;
+        let profiles = if has_profiles { "offered_qos_profiles" } else { "''" };
         let sql = format!("SELECT id, name, type, serialization_format, {profiles} FROM topics ORDER BY id");
         let mut statement = self.database.prepare(&sql)?;
         let topic = |row: &Row<'_>| {
@@ -224,11 +224,6 @@ impl Db3 {
         self.damaged = Some(damaged);
         lost
     }
-
-    fn columns(&self, table: &str) -> rusqlite::Result<Vec<String>> {
-        let mut statement = self.database.prepare("SELECT name FROM pragma_table_info(?)")?;
-        statement.query_map([table], |row| row.get(0))?.collect()
-    }
 }
 
 /// The lap of a row.
@@ -342,6 +337,10 @@ impl Source for Db3 {
         lost.map_or(Ok(()), |(lost, reason)| {
             Err(format!("{path}: {lost} messages cannot be read and are left out: {reason}"))
         })
+    }
+
+    fn held(&self) -> Option<u64> {
+        Some(self.order.len() as u64)
     }
 
     fn span(&self) -> Option<(Time, Time)> {

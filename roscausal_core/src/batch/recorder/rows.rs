@@ -23,6 +23,8 @@ const FEW_ROWS: usize = 1000;
 impl Recorder {
     /// Writes the row at this stamp, in nanoseconds, to the open batch, or opens one if there is anything to begin with.
     pub(super) fn record(&mut self, row: i64) {
+        let tracks = self.people.values_mut().chain(self.others.values_mut()).chain([&mut self.robot]);
+        tracks.for_each(|track| track.settle(row, self.max_gap_ns));
         let moments = self.moments(row);
         let moment = mean(moments.values().flatten()).unwrap_or(row);
         let max_gap = self.max_gap_ns;

@@ -190,7 +190,7 @@ impl Agent {
             (sighting.pose.position.x, sighting.pose.position.y) = (x, y);
             sighting.pose.orientation = Quaternion::from_yaw(sample.heading(scaled));
             sighting.twist = sample.velocity.map(|velocity| walking(scaled(velocity).into()));
-            tracker.sighting(sighting);
+            tracker.message(stamp, vec![(crate::state::identity::Who::Number(id), sighting)]);
             if let Some(state) = tracker.people(|_| None).humans.into_iter().next() {
                 track.insert(stamp.as_nanos(), recorder::values(&state.pose2d, &state.twist, &state.goal));
             }
