@@ -1,6 +1,6 @@
 //! What a question is asked of: a model, data, and a moment in them.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
 use roscausal_core::{

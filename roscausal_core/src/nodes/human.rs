@@ -15,7 +15,7 @@ use roscausal_msgs::{
 
 use super::{health::Health, in_namespace, labels, to_its_end};
 use crate::{
-    Error, Message, Result,
+    Error, Result,
     batch::Select,
     inbox::{Inbox, Next},
     middleware::{Middleware, Publish, Qos, Raw},
