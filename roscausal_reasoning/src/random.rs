@@ -12,6 +12,16 @@ pub(crate) fn below(number: u64, n: usize) -> usize {
     ((u128::from(number) * n as u128) >> 64) as usize
 }
 
+/// `number` as one between 0 and 1, never 1.
+pub(crate) fn unit(number: u64) -> f64 {
+    (number >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+/// `number` as one of the standard normal distribution (Box and Muller 1958).
+pub(crate) fn normal(number: u64) -> f64 {
+    (-2.0 * libm::log(1.0 - unit(number))).sqrt() * libm::cos(std::f64::consts::TAU * unit(mix(number)))
+}
+
 /// The blocks `(start, length)` of a moving-block bootstrap (Künsch 1989) of `stretches` of consecutive places, numbered through:
 /// blocks of `block` places within a stretch (all of it where it is shorter), until as many places are drawn as there are.
 pub(crate) fn blocks(seed: u64, stretches: &[usize], block: usize) -> Vec<(usize, usize)> {

@@ -3,6 +3,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
+#[path = "../examples/golden_reasoning/moments.rs"]
+mod moments;
 
 use common::{act, arrow, chain, chain_graph, chain_model, frame, names, noise, open_model, set};
 use ndarray::Array2;
@@ -148,7 +150,7 @@ fn simulated_means_and_intervals_are_those_of_the_exact_formulas() {
     (0..6).for_each(|step| schedule.set(step, 0, 0.3));
     let variance: Vec<f64> = directed.summaries.iter().map(|summary| summary.rmse.powi(2)).collect();
     let past: Vec<f64> = rows.row(39).to_vec();
-    let (mean, spread) = directed.members[0].moments(&past, &schedule, &variance);
+    let (mean, spread) = moments::moments(&directed.members[0], &past, &schedule, &variance);
     for (var, forecast) in answer.outlooks[0].forecasts.iter().enumerate() {
         for step in 0..6 {
             let (at, sd) = (step * 3 + var, spread[step * 3 + var].sqrt());

@@ -67,7 +67,7 @@ mod settings;
 pub(crate) use cholesky::residuals;
 pub use cmiknn::CmiKnn;
 pub use cmisymb::CmiSymb;
-pub use gpdc::{GpOptimum, GpPosterior, GpRegression, Gpdc};
+pub use gpdc::{GpOptimum, GpRegression, Gpdc};
 pub(crate) use gpdc::{bytes as gpdc_bytes, dependence, gp_residuals, tail_dependence};
 #[cfg(feature = "python")]
 pub use gpdc_python::GpdcPython;

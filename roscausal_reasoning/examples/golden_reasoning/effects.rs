@@ -2,7 +2,7 @@
 
 use ndarray::Array2;
 use roscausal_reasoning::{
-    effects::{Mediation, OverLags, adjusted, wright},
+    effects::{Mediation, adjusted, wright},
     graph::{Graph, adjustment},
     linear::LinearSystem,
 };
@@ -42,8 +42,10 @@ pub(crate) fn total_effects(case: &Case) -> Answer<Value> {
         let found = adjustment(&graph, &x, y);
         let set = found.set.clone().ok_or("no adjustment set")?;
         let fit = adjusted(&samples, &x, y, &set, found.window);
+        let of_set = fit.fit.coefficients[1..].iter().zip(&fit.means);
+        let rest = of_set.fold(fit.fit.intercept, |sum, (b, v)| sum + b * v);
         let means: Vec<f64> =
-            numbers(&query["do_values"])?.iter().map(|&v| fit.mean_under_do(&[v])).collect();
+            numbers(&query["do_values"])?.iter().map(|v| rest + fit.coefficients[0] * v).collect();
         Ok(
             json!({ "adjustment_set": written(&set), "first_sample": fit.first_sample, "n_samples": fit.n_samples,
             "coefficient": fit.coefficients[0], "standard_error": fit.standard_errors[0], "mean_under_do": means,
@@ -63,9 +65,42 @@ pub(crate) fn mediation(case: &Case) -> Answer<Value> {
     let mediated = found.mediated.iter().map(|lags| lags.iter().map(matrix).collect::<Value>());
     Ok(json!({ "first_sample": horizon, "coefficients": coefficients.collect::<Value>(),
         "total_effects": found.total.iter().map(matrix).collect::<Value>(), "mediated_effects": mediated.collect::<Value>(),
-        "ace": found.ace(OverLags::Largest), "acs": found.acs(OverLags::Largest), "amce": found.amce(OverLags::Largest),
-        "ace_all_lags": found.ace(OverLags::Mean), "acs_all_lags": found.acs(OverLags::Mean),
-        "amce_all_lags": found.amce(OverLags::Mean) }))
+        "ace": ace(&found, false), "acs": acs(&found, false), "amce": amce(&found, false), "ace_all_lags": ace(&found, true),
+        "acs_all_lags": acs(&found, true), "amce_all_lags": amce(&found, true) }))
+}
+
+/// The effects of all lags as one number: their mean, or the largest.
+fn summary(effects: &[Array2<f64>], effect: usize, cause: usize, mean: bool) -> f64 {
+    let sizes = effects.iter().map(|lag| lag[[effect, cause]].abs());
+    if mean { sizes.sum::<f64>() / effects.len().max(1) as f64 } else { sizes.fold(0.0, f64::max) }
+}
+
+/// Average causal effect of each variable on the others (Runge et al. 2015).
+fn ace(found: &Mediation, over: bool) -> Vec<f64> {
+    let n = found.system.len();
+    let mean = |i| (0..n).filter(|&j| j != i).map(|j| summary(&found.total, j, i, over)).sum::<f64>();
+    (0..n).map(|i| mean(i) / (n - 1).max(1) as f64).collect()
+}
+
+/// Average causal susceptibility of each variable to the others.
+fn acs(found: &Mediation, over: bool) -> Vec<f64> {
+    let n = found.system.len();
+    let mean = |j| (0..n).filter(|&i| i != j).map(|i| summary(&found.total, j, i, over)).sum::<f64>();
+    (0..n).map(|j| mean(j) / (n - 1).max(1) as f64).collect()
+}
+
+/// Average effect that each variable passes on: over ordered pairs of others; a variable with itself counts as a pair only for the mean
+/// over lags.
+fn amce(found: &Mediation, over: bool) -> Vec<f64> {
+    let n = found.system.len();
+    let of = |k: usize| {
+        let others: Vec<usize> = (0..n).filter(|&i| i != k).collect();
+        let pairs = others.iter().flat_map(|&i| others.iter().map(move |&j| (i, j)));
+        let pairs: Vec<_> = pairs.filter(|(i, j)| over || i != j).collect();
+        pairs.iter().map(|&(i, j)| summary(&found.mediated[k], j, i, over)).sum::<f64>()
+            / pairs.len().max(1) as f64
+    };
+    (0..n).map(of).collect()
 }
 
 pub(crate) fn ambiguous(case: &Case) -> Answer<Value> {

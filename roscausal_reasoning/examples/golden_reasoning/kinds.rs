@@ -10,6 +10,8 @@ mod effects;
 mod gaussian;
 #[path = "linear.rs"]
 mod linear;
+#[path = "moments.rs"]
+mod moments;
 
 use case::{Answer, Case};
 use serde_json::Value;

@@ -13,7 +13,10 @@ use roscausal_reasoning::{
 };
 use serde_json::{Value, json};
 
-use super::case::{Answer, Case, count, list, number, numbers, rows_of};
+use super::{
+    case::{Answer, Case, count, list, number, numbers, rows_of},
+    moments::moments,
+};
 
 /// Least squares equations of a graph on the rows `first..last`; with each the noise's variance.
 fn fitted(graph: &Graph, data: &Array2<f64>, first: usize, last: usize) -> (System, Vec<f64>) {
@@ -69,7 +72,7 @@ pub(crate) fn questions(case: &Case) -> Answer<Value> {
     let answer = |query: &Value| {
         let (row, horizon) = (count(&query["row"])?, count(&query["horizon"])?);
         let schedule = schedule(&query["interventions"], n, horizon)?;
-        let (mean, variances) = system.moments(&past(&data, row), &schedule, &variance);
+        let (mean, variances) = moments(&system, &past(&data, row), &schedule, &variance);
         let noise = system.noise(&past(&data, row + horizon), row + 1);
         let mut rows = past(&data, row);
         system.run(&mut rows, &schedule, |step, var| noise[step * n + var]);

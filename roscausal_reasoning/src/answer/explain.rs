@@ -231,7 +231,7 @@ fn lacking(model: &Directed, y: usize) -> Option<String> {
 
 /// The parts by each refit.
 fn parts_of(model: &Directed, rows: &[f64], from: usize, y: usize, seed: u64) -> Vec<Parts> {
-    let is_linear = |system: &System| system.equations.iter().flatten().all(|one| one.process.is_none());
+    let is_linear = |system: &System| system.equations.iter().flatten().all(|one| one.is_line());
     let of = |system: &System| match is_linear(system) {
         true => linear(system, rows, from, y),
         false => shapley(system, rows, from, y, seed),

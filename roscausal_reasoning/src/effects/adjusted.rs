@@ -23,7 +23,7 @@ pub struct Adjusted {
     /// The whole fit: X first, then the set.
     pub fit: Fit,
     /// Means of the set's columns.
-    means: Vec<f64>,
+    pub means: Vec<f64>,
 }
 
 /// Regresses `y` on `x` and `set`, on the rows from `first` on in which nothing is missing and that are not masked.
@@ -50,14 +50,6 @@ pub fn adjusted(samples: &Samples, x: &[Node], y: Node, set: &[Node], first: usi
         standard_errors: fit.standard_errors[..x.len()].to_vec(),
         means: columns[x.len()..].iter().map(mean).collect(),
         fit,
-    }
-}
-
-impl Adjusted {
-    /// The mean of Y over the samples if X were set to `values`.
-    pub fn mean_under_do(&self, values: &[f64]) -> f64 {
-        let all = values.iter().chain(&self.means);
-        self.fit.coefficients.iter().zip(all).fold(self.fit.intercept, |sum, (b, v)| sum + b * v)
     }
 }
 

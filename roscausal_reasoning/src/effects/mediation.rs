@@ -6,7 +6,7 @@ use roscausal_discovery::{Error, Node, Result};
 use super::products::{Products, Sums};
 use crate::{graph::Graph, linear::LinearSystem, random, samples::Samples};
 
-/// Total effects, mediated effects and their summaries at lags 0 to a horizon.
+/// Total and mediated effects at lags 0 to a horizon.
 #[derive(Clone, Debug)]
 pub struct Mediation {
     /// The linear equations.
@@ -15,15 +15,6 @@ pub struct Mediation {
     pub total: Vec<Array2<f64>>,
     /// `[mediator][lag]` of `[effect, cause]`.
     pub mediated: Vec<Vec<Array2<f64>>>,
-}
-
-/// How the effects of all lags become one number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OverLags {
-    /// The largest.
-    Largest,
-    /// Their mean.
-    Mean,
 }
 
 /// The columns of a graph's regressions: every variable at every lag that is a target or a parent.
@@ -148,34 +139,6 @@ impl Mediation {
         let mediated = (0..system.len()).map(through).collect();
         Self { system, total, mediated }
     }
-
-    /// Average causal effect of each variable on the others.
-    pub fn ace(&self, over: OverLags) -> Vec<f64> {
-        let n = self.system.len();
-        let mean = |i| (0..n).filter(|&j| j != i).map(|j| summary(&self.total, j, i, over)).sum::<f64>();
-        (0..n).map(|i| mean(i) / (n - 1).max(1) as f64).collect()
-    }
-
-    /// Average causal susceptibility of each variable to the others.
-    pub fn acs(&self, over: OverLags) -> Vec<f64> {
-        let n = self.system.len();
-        let mean = |j| (0..n).filter(|&i| i != j).map(|i| summary(&self.total, j, i, over)).sum::<f64>();
-        (0..n).map(|j| mean(j) / (n - 1).max(1) as f64).collect()
-    }
-
-    /// Average effect that each variable passes on: over ordered pairs of others; a variable with itself counts as a pair only for
-    /// [`OverLags::Mean`].
-    pub fn amce(&self, over: OverLags) -> Vec<f64> {
-        let n = self.system.len();
-        let of = |k: usize| {
-            let others: Vec<usize> = (0..n).filter(|&i| i != k).collect();
-            let pairs = others.iter().flat_map(|&i| others.iter().map(move |&j| (i, j)));
-            let pairs: Vec<_> = pairs.filter(|(i, j)| over == OverLags::Mean || i != j).collect();
-            pairs.iter().map(|&(i, j)| summary(&self.mediated[k], j, i, over)).sum::<f64>()
-                / pairs.len().max(1) as f64
-        };
-        (0..n).map(of).collect()
-    }
 }
 
 /// The columns of the equations of `variables`, which may be none.
@@ -196,12 +159,4 @@ pub(super) fn columns_for(
         return Err(Error::Data(reason));
     }
     Ok(columns)
-}
-
-fn summary(effects: &[Array2<f64>], effect: usize, cause: usize, over: OverLags) -> f64 {
-    let sizes = effects.iter().map(|lag| lag[[effect, cause]].abs());
-    match over {
-        OverLags::Largest => sizes.fold(0.0, f64::max),
-        OverLags::Mean => sizes.sum::<f64>() / effects.len().max(1) as f64,
-    }
 }

@@ -7,6 +7,6 @@ mod products;
 
 pub use adjusted::{Adjusted, adjusted, wright};
 pub(crate) use mediation::Columns;
-pub use mediation::{Mediation, OverLags};
+pub use mediation::Mediation;
 pub(crate) use paths::Paths;
 pub(crate) use products::Sums;

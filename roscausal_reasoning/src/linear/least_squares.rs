@@ -55,8 +55,13 @@ impl Factor {
         Self { kept, rows }
     }
 
+    /// The sum of the logarithms of the diagonal.
+    pub(crate) fn log_diagonal(&self) -> f64 {
+        self.rows.iter().filter_map(|row| row.last()).map(|pivot| libm::log(pivot)).sum()
+    }
+
     /// `L^-1 b`, `b` by kept column.
-    fn half(&self, b: impl Fn(usize) -> f64) -> Vec<f64> {
+    pub(crate) fn half(&self, b: impl Fn(usize) -> f64) -> Vec<f64> {
         let mut solved: Vec<f64> = Vec::with_capacity(self.rows.len());
         for (row, &k) in self.rows.iter().zip(&self.kept) {
             let sum: f64 = solved.iter().zip(row).map(|(a, b)| a * b).sum();

@@ -153,8 +153,7 @@ impl Directed {
         if self.draws.settings.equations == Equations::Linear {
             return &self.members;
         }
-        let made = self.draws.made.get_or_init(|| self.draws.make(&self.graph).unwrap_or_default());
-        if made.is_empty() { &self.members } else { made }
+        self.draws.made.get_or_init(|| self.draws.make(&self.graph))
     }
 }
 
@@ -172,27 +171,16 @@ struct Draws {
 }
 
 impl Draws {
-    fn make(&self, graph: &Graph) -> Result<Vec<System>> {
-        let of = |fit: &Found| fit.as_ref().ok().and_then(Fitted::scaled);
-        let processes: Vec<_> = self.fits.par_iter().map(of).collect();
-        let mut posteriors = Vec::new();
-        for of in &processes {
-            posteriors.push(match of {
-                Some((used, process)) => Some((&used[..], process.posterior()?)),
-                None => None,
-            });
-        }
-        let one = |b: usize| {
-            let counts = counts(&self.stretches, &self.settings, b);
-            let equation = |var: usize| {
-                let Ok(fit) = &self.fits[var] else { return Ok(None) };
-                let seed = random::at(random::at(self.settings.seed, b / 2, 7), var, 0);
-                let of = posteriors[var].as_ref().map(|(used, posterior)| (*used, posterior));
-                Ok(Some(Arc::new(fit.drawn(&counts, of, (seed, b % 2 == 1))?)))
-            };
-            Ok(system(graph, (0..self.fits.len()).map(equation).collect::<Result<_>>()?))
+    fn make(&self, graph: &Graph) -> Vec<System> {
+        let members = self.settings.members;
+        let counts: Vec<Vec<u32>> =
+            (0..members).map(|b| counts(&self.stretches, &self.settings, b)).collect();
+        let of = |(var, fit): (usize, &Found)| {
+            fit.as_ref().ok().map(|fit| fit.drawn(&counts, random::at(self.settings.seed, var, 7)))
         };
-        (0..self.settings.members).into_par_iter().map(one).collect()
+        let drawn: Vec<_> = self.fits.par_iter().enumerate().map(of).collect();
+        let one = |b: usize| system(graph, drawn.iter().map(|all| Some(all.as_ref()?[b].clone())).collect());
+        (0..members).map(one).collect()
     }
 }
 

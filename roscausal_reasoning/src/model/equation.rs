@@ -7,9 +7,10 @@ use std::sync::Arc;
 
 use roscausal_discovery::{
     Node, Result,
-    independence_tests::{GpPosterior, GpRegression, TestSettings},
+    independence_tests::{GpRegression, TestSettings},
 };
 
+use super::bends::{Bends, draws};
 use crate::{
     linear::{Fit, weighted},
     samples::{Moment, Samples},
@@ -17,6 +18,8 @@ use crate::{
 
 /// Most samples of a Gaussian process.
 pub(crate) const GP_ROWS: usize = 500;
+/// Most samples that say where an equation bends.
+const BEND_ROWS: usize = 10_000;
 /// A Gaussian process is taken where its squared errors are below this part of the line's.
 const WORTH_IT: f64 = 0.98;
 /// Rows that an equation needs: at least, and for each coefficient.
@@ -51,17 +54,30 @@ pub struct Equation {
     pub coefficients: Vec<f64>,
     /// What the line leaves, as a function of the parents numbered here.
     pub process: Option<(Vec<usize>, GpRegression)>,
+    /// Of a drawn equation: where it bends, and the weight of each bend.
+    pub(crate) bends: Option<(Arc<Bends>, Vec<f64>)>,
 }
 
 impl Equation {
     /// A line.
     pub fn line(parents: &[Node], intercept: f64, coefficients: &[f64]) -> Self {
-        Self { parents: parents.to_vec(), intercept, coefficients: coefficients.to_vec(), process: None }
+        Self {
+            parents: parents.to_vec(),
+            intercept,
+            coefficients: coefficients.to_vec(),
+            process: None,
+            bends: None,
+        }
+    }
+
+    pub(crate) fn is_line(&self) -> bool {
+        self.process.is_none() && self.bends.is_none()
     }
 
     /// The expected value, given the parents' values in their order.
     pub fn mean(&self, values: &[f64]) -> f64 {
         let line = self.coefficients.iter().zip(values).fold(self.intercept, |sum, (b, x)| sum + b * x);
+        let line = line + self.bends.as_ref().map_or(0.0, |(bends, weights)| bends.sum(weights, values));
         let Some((used, process)) = &self.process else { return line };
         if used.len() == values.len() {
             return line + process.mean(values);
@@ -192,17 +208,13 @@ fn process(
     used: &[usize],
     known: Option<Option<Hyperparameters>>,
 ) -> Option<GpRegression> {
-    let (target, conditions) = of_process(columns, left, used);
+    let (target, conditions) =
+        (thinned(left), used.iter().map(|&k| thinned(&columns[k])).collect::<Vec<_>>());
     match known {
         Some(None) => None,
         Some(Some((l, s))) => GpRegression::at(&target, &conditions, l, s).ok(),
         None => GpRegression::fit(&target, &conditions, &TestSettings::default()).ok(),
     }
-}
-
-/// What the line leaves and the parents' values, on the rows of a process.
-fn of_process(columns: &[Vec<f64>], left: &[f64], used: &[usize]) -> (Vec<f64>, Vec<Vec<f64>>) {
-    (thinned(left), used.iter().map(|&k| thinned(&columns[k])).collect())
 }
 
 /// The values on the rows of a process.
@@ -227,45 +239,26 @@ impl Fitted {
     /// # Errors
     /// A resample on which the process has no covariance.
     pub(crate) fn resampled(&self, counts: &[u32]) -> Result<Equation> {
-        let (mut equation, left, counts) = self.line_on(counts);
-        if let Some((used, process)) = &self.equation.process {
-            equation.process = Some((used.clone(), process.resampled(&left, &thinned(&counts))?));
-        }
-        Ok(equation)
-    }
-
-    /// The line on rows that count as often as their moments do, what it leaves on the rows of a process, and the counts by row.
-    fn line_on(&self, counts: &[u32]) -> (Equation, Vec<f64>, Vec<u32>) {
         let counts: Vec<u32> = self.rows.iter().map(|&m| counts[m]).collect();
         let line = weighted(&self.target, &self.columns, Some(&counts));
-        let equation = Equation::line(&self.equation.parents, line.intercept, &line.coefficients);
-        (equation, thinned(&line.residuals), counts)
-    }
-
-    /// The process that draws are made of, and the parents that it reads. There is one where a line was taken, too: what bends a little is
-    /// forecast no better for it, but what would have been had a value been another is.
-    pub(crate) fn scaled(&self) -> Option<(Vec<usize>, GpRegression)> {
-        let used: Vec<usize> = (0..self.columns.len()).filter(|k| !self.line.dropped.contains(k)).collect();
-        let (target, conditions) = of_process(&self.columns, &self.line.residuals, &used);
-        let process = GpRegression::fit_scaled(&target, &conditions, &TestSettings::default());
-        process.ok().map(|process| (used, process))
-    }
-
-    /// An equation that the true one may be: a line on rows that count as often as their moments do, and a function drawn from the posterior
-    /// of what that leaves. Refits of a smooth function all smooth too much alike; draws do not.
-    ///
-    /// # Errors
-    /// None of a process that was fitted.
-    pub(crate) fn drawn(
-        &self,
-        counts: &[u32],
-        of: Option<(&[usize], &GpPosterior<'_>)>,
-        (seed, mirrored): (u64, bool),
-    ) -> Result<Equation> {
-        let (mut equation, left, _) = self.line_on(counts);
-        if let Some((used, posterior)) = of {
-            equation.process = Some((used.to_vec(), posterior.draw(&left, seed, mirrored)?));
+        let mut equation = Equation::line(&self.equation.parents, line.intercept, &line.coefficients);
+        if let Some((used, process)) = &self.equation.process {
+            let process = process.resampled(&thinned(&line.residuals), &thinned(&counts))?;
+            equation.process = Some((used.clone(), process));
         }
         Ok(equation)
+    }
+
+    /// Equations that the true one may be, on rows that count as often as their moments do. They may bend where a line was taken, too: what
+    /// bends a little is forecast no better for it, but what would have been had a value been another is.
+    pub(crate) fn drawn(&self, counts: &[Vec<u32>], seed: u64) -> Vec<Arc<Equation>> {
+        let used: Vec<usize> = (0..self.columns.len()).filter(|k| !self.line.dropped.contains(k)).collect();
+        let rows: Vec<usize> = thin(self.rows.len(), BEND_ROWS).collect();
+        let some = |values: &Vec<f64>| rows.iter().map(|&i| values[i]).collect::<Vec<f64>>();
+        let columns: Vec<Vec<f64>> = self.columns.iter().map(some).collect();
+        let counts =
+            counts.iter().map(|counts| rows.iter().map(|&i| f64::from(counts[self.rows[i]])).collect());
+        let line = Equation::line(&self.equation.parents, self.line.intercept, &self.line.coefficients);
+        draws(&line, (&some(&self.line.residuals), &columns, &used), counts.collect(), seed)
     }
 }

@@ -1,5 +1,6 @@
 //! The structural model: equations on a graph, their noise, and how sure they are.
 
+mod bends;
 mod directed;
 pub(crate) mod equation;
 mod file;

@@ -147,26 +147,4 @@ impl System {
         }
         noise
     }
-
-    /// Mean and variance of linear equations at each step, exactly, by the response to a unit of each noise: `(mean, variance)` by
-    /// `[step * n + var]`. Of other equations the variance is that of small noise.
-    pub fn moments(&self, past: &[f64], schedule: &Schedule, noise_variance: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let n = self.len();
-        let outcome = |source: Option<(usize, usize)>| {
-            let mut rows = past.to_vec();
-            self.run(&mut rows, schedule, |step, var| f64::from(u8::from(source == Some((step, var)))));
-            rows.split_off(past.len())
-        };
-        let mean = outcome(None);
-        let mut variance = vec![0.0; mean.len()];
-        for step in 0..schedule.steps() {
-            for var in (0..n).filter(|&var| !schedule.is_set(step, var)) {
-                let moved = outcome(Some((step, var)));
-                for ((total, moved), mean) in variance.iter_mut().zip(moved).zip(&mean) {
-                    *total += (moved - mean).powi(2) * noise_variance[var];
-                }
-            }
-        }
-        (mean, variance)
-    }
 }

@@ -41,7 +41,7 @@ use crate::{
 };
 use distance_correlation::of_ranks;
 use null_table::NullTable;
-pub use process::{GpOptimum, GpPosterior, GpRegression};
+pub use process::{GpOptimum, GpRegression};
 use regression::{GaussianProcess, SearchSettings};
 use residuals::{ResidualCache, Residuals};
 use resources::Resources;

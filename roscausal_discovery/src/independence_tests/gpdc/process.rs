@@ -3,9 +3,6 @@
 //! Rasmussen and Williams 2006: the mean and variance of a process at a new place are 2.25 and 2.26, the residual of a sample
 //! that is left out is 5.12. A sample that counts `c` times is one sample with the noise `s / c`: the posterior is the same, and
 //! the matrix is as small as the number of different samples.
-//!
-//! A function is drawn from the posterior by Matheron's rule (Wilson et al. 2020): one is drawn from the prior, by random Fourier
-//! features (Rahimi and Recht 2007), and corrected by the mean of what the samples, less their noise, leave of it.
 
 use faer::{
     Col, Mat, Side,
@@ -22,11 +19,7 @@ use super::{
 };
 use crate::{
     independence_tests::settings::TestSettings,
-    numeric::{
-        normal::normal_quantile,
-        random::Rng,
-        rows::{is_constant, moments, standardized},
-    },
+    numeric::rows::{is_constant, moments, standardized},
     types::{Error, Result},
 };
 
@@ -111,83 +104,6 @@ pub struct GpRegression {
     log_likelihood: f64,
     /// `(K + s I)^-1 y`.
     weights: Vec<f64>,
-    /// The likeliest variance of the function, in variances of the target; 1 of a resampled one.
-    amplitude: f64,
-    /// Of a drawn function: the one of the prior that it was made of.
-    prior: Option<Features>,
-}
-
-/// Samples that the search for a function's variance looks at.
-const ROWS_OF_GRID: usize = 250;
-/// Waves that a function of the prior is the sum of.
-const FEATURES: usize = 128;
-
-/// A function drawn from the prior, on standardised values.
-struct Features {
-    /// `[wave * dimensions + dimension]`.
-    frequencies: Vec<f64>,
-    phases: Vec<f64>,
-    deviation: f64,
-}
-
-impl Features {
-    fn draw(dimensions: usize, l: f64, rng: &mut Rng) -> Self {
-        Self {
-            frequencies: (0..FEATURES * dimensions).map(|_| normal(rng) / l).collect(),
-            phases: (0..FEATURES).map(|_| std::f64::consts::TAU * rng.unit()).collect(),
-            deviation: 1.0,
-        }
-    }
-
-    fn at(&self, place: &[f64]) -> f64 {
-        let waves = self.frequencies.chunks_exact(place.len().max(1)).zip(&self.phases);
-        let angle =
-            |(wave, phase): (&[f64], &f64)| wave.iter().zip(place).fold(*phase, |sum, (w, x)| sum + w * x);
-        self.deviation
-            * (2.0 / FEATURES as f64).sqrt()
-            * waves.map(|wave| libm::cos(angle(wave))).sum::<f64>()
-    }
-}
-
-fn normal(rng: &mut Rng) -> f64 {
-    normal_quantile(rng.unit().clamp(1e-12, 1.0 - 1e-12))
-}
-
-/// What functions are drawn with: the factor of the samples' covariance matrix.
-pub struct GpPosterior<'a> {
-    process: &'a GpRegression,
-    factor: Llt<f64>,
-}
-
-impl GpPosterior<'_> {
-    /// A function that the process may be, given another `target` of the same samples; `mirrored`: that of the same seed, on the other side of
-    /// the mean (antithetic draws, whose mean is the process's).
-    ///
-    /// # Errors
-    /// A target of another length.
-    pub fn draw(&self, target: &[f64], seed: u64, mirrored: bool) -> Result<GpRegression> {
-        let of = self.process;
-        let (n, d) = (of.inputs.len(), of.scales.len());
-        if target.len() != n {
-            return Err(Error::Data(format!("a target of {} values for {n} samples", target.len())));
-        }
-        let mut rng = Rng::new(seed);
-        let deviation = of.amplitude.sqrt() * if mirrored { -1.0 } else { 1.0 };
-        let prior = Features { deviation, ..Features::draw(d, of.theta.l, &mut rng) };
-        let left = |(i, value): (usize, &f64)| {
-            let noise = deviation * of.theta.s.sqrt() * normal(&mut rng);
-            (value - of.scale.0) / of.scale.1 - prior.at(&of.inputs.place(i)) - noise
-        };
-        let left: Vec<f64> = target.iter().enumerate().map(left).collect();
-        Ok(GpRegression {
-            inputs: of.inputs.chosen(&(0..n).collect::<Vec<_>>()),
-            scales: of.scales.clone(),
-            weights: solve(&self.factor, &left),
-            log_likelihood: f64::NAN,
-            prior: Some(prior),
-            ..*of
-        })
-    }
 }
 
 impl GpRegression {
@@ -198,32 +114,6 @@ impl GpRegression {
     pub fn fit(target: &[f64], conditions: &[Vec<f64>], settings: &TestSettings) -> Result<Self> {
         let GpOptimum { length_scale, noise, .. } = GpOptimum::find(target, conditions, settings)?;
         Self::at(target, conditions, length_scale, noise)
-    }
-
-    /// As [`Self::fit`], with the variance of the function free as well: a weak function may bend as often as a strong one. The search ends in
-    /// the best place of a grid, by at most 250 of the samples.
-    ///
-    /// # Errors
-    /// Those of [`GpOptimum::find`].
-    pub fn fit_scaled(target: &[f64], conditions: &[Vec<f64>], settings: &TestSettings) -> Result<Self> {
-        let GpOptimum { length_scale, noise, .. } = GpOptimum::find(target, conditions, settings)?;
-        let every = target.len().div_ceil(ROWS_OF_GRID).max(1);
-        let thin = |row: &[f64]| standardized(row).into_iter().step_by(every).collect::<Vec<f64>>();
-        let inputs = Inputs::new(&conditions.iter().map(|row| thin(row)).collect::<Vec<_>>());
-        let y = thin(target);
-        let mut best = (f64::NEG_INFINITY, length_scale, noise);
-        let (lengths, ratios) =
-            ([length_scale, 0.35, 0.7, 1.4, 2.8, 5.6], [noise, 1.0, 4.0, 16.0, 64.0, 256.0]);
-        for (l, s) in lengths.into_iter().flat_map(|l| ratios.map(|s| (l, s))) {
-            let Ok(factor) = covariance(&inputs, l, |_| s) else { continue };
-            let product: f64 = y.iter().zip(solve(&factor, &y)).map(|(y, w)| y * w).sum();
-            let half: f64 = factor.L().diagonal().column_vector().iter().map(|d| libm::log(*d)).sum();
-            let likelihood = -0.5 * y.len() as f64 * libm::log(product) - half;
-            if likelihood > best.0 {
-                best = (likelihood, l, s);
-            }
-        }
-        Self::at(target, conditions, best.1, best.2)
     }
 
     /// The same with a known length scale and noise variance, in deviations of the conditions and variances of the target.
@@ -249,17 +139,7 @@ impl GpRegression {
         let log_likelihood =
             -0.5 * (product + log_determinant + y.len() as f64 * libm::log(std::f64::consts::TAU));
         let scales = conditions.iter().map(|row| moments(row)).collect();
-        let amplitude = product / y.len() as f64;
-        Ok(Self {
-            inputs,
-            scales,
-            scale: moments(target),
-            theta,
-            log_likelihood,
-            weights,
-            amplitude,
-            prior: None,
-        })
+        Ok(Self { inputs, scales, scale: moments(target), theta, log_likelihood, weights })
     }
 
     /// The regression of another `target` on the same samples, sample `i` of which counts `counts[i]` times, as in a bootstrap:
@@ -280,15 +160,7 @@ impl GpRegression {
         let factor = covariance(&inputs, self.theta.l, |i| self.theta.s / f64::from(counts[kept[i]]))?;
         let weights = solve(&factor, &y);
         let scales = self.scales.clone();
-        Ok(Self { inputs, scales, weights, log_likelihood: f64::NAN, prior: None, ..*self })
-    }
-
-    /// What functions of its posterior are drawn with.
-    ///
-    /// # Errors
-    /// A regression that is resampled: its counts are not kept.
-    pub fn posterior(&self) -> Result<GpPosterior<'_>> {
-        Ok(GpPosterior { process: self, factor: self.factor()? })
+        Ok(Self { inputs, scales, weights, log_likelihood: f64::NAN, ..*self })
     }
 
     /// Where the search ended; the log likelihood of a resampled regression is NaN.
@@ -313,9 +185,7 @@ impl GpRegression {
         for ((z, value), (mean, deviation)) in standard.iter_mut().zip(place).zip(&self.scales) {
             *z = (value - mean) / deviation;
         }
-        let prior = self.prior.as_ref().map_or(0.0, |prior| prior.at(standard));
-        (self.inputs.weighted_sum(self.theta.l, standard, &self.weights) + prior)
-            .mul_add(self.scale.1, self.scale.0)
+        self.inputs.weighted_sum(self.theta.l, standard, &self.weights).mul_add(self.scale.1, self.scale.0)
     }
 
     /// Variance of the function (without noise) at places, in squared units of the target. It factorises the covariance matrix
@@ -441,24 +311,6 @@ mod tests {
         let longer = GpRegression { inputs, weights, ..longer };
         for place in [[0.3, -1.0], [1.9, 0.2]] {
             assert!((twice.mean(&place) - longer.mean(&place)).abs() < 1e-9);
-        }
-    }
-
-    #[test]
-    fn drawn_functions_have_the_mean_and_the_variance_of_the_posterior() {
-        let (rows, y) = samples(60);
-        let whole = GpRegression::fit(&y, &rows, &TestSettings::default()).unwrap();
-        let posterior = whole.posterior().unwrap();
-        let places = [vec![0.3, -1.0], vec![1.9, 0.2], vec![6.0, 6.0]];
-        let variances = whole.function_variance(&places).unwrap();
-        let functions: Vec<_> = (0..2000).map(|k| posterior.draw(&y, k / 2, k % 2 == 1).unwrap()).collect();
-        for (place, variance) in places.iter().zip(variances) {
-            let values: Vec<f64> = functions.iter().map(|function| function.mean(place)).collect();
-            let mean = values.iter().sum::<f64>() / 2000.0;
-            let spread = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 2000.0;
-            assert!((mean - whole.mean(place)).abs() < 5.0 * (variance / 2000.0).sqrt(), "{place:?}: {mean}");
-            // The waves are a sample, too.
-            assert!((spread / variance - 1.0).abs() < 0.25, "{place:?}: {spread} for {variance}");
         }
     }
 
