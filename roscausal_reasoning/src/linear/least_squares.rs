@@ -57,7 +57,7 @@ impl Factor {
 
     /// The sum of the logarithms of the diagonal.
     pub(crate) fn log_diagonal(&self) -> f64 {
-        self.rows.iter().filter_map(|row| row.last()).map(|pivot| libm::log(pivot)).sum()
+        self.rows.iter().filter_map(|row| row.last()).map(|pivot| libm::log(*pivot)).sum()
     }
 
     /// `L^-1 b`, `b` by kept column.
