@@ -103,7 +103,7 @@ deb_of() {
   tool deb 3.8.0
   audited "$1"
   local made=target/package program=${CARGO_TARGET_DIR:-target}/$target/release/roscausal
-  [ -x "$program" ] || audited "$target"
+  [ "$1" = "$target" ] || audited "$target"
   rm -rf $made/man $made/completions
   mkdir -p $made/completions
   "$program" man $made/man

@@ -273,10 +273,10 @@ impl Cli {
             .fmt_fields(fields.delimited(" "))
             .with_filter(chosen.unwrap_or_else(|| {
                 // What is played from a file is reported at its end, without advice for a robot that runs.
-                let is_live =
-                    self.verbose > 0 || matches!(self.command, Command::Demo(_) | Command::Experiment(_));
+                let is_live = self.verbose > 0
+                    || matches!(self.command, Command::Demo(_) | Command::Experiment(_) | Command::Teleop(_));
                 let silent = REPORTED_AT_THE_END.split(' ').filter(|_| !is_live);
-                let silent = silent.map(|module| (format!("roscausal_core::{module}"), LevelFilter::OFF));
+                let silent = silent.map(|module| (format!("roscausal_core::{module}"), LevelFilter::ERROR));
                 Targets::new().with_default(default).with_targets(silent)
             }));
         // A program that calls the command twice has its log already.

@@ -21,7 +21,7 @@ made() {
   shift
   "$@" demo --scenario crowd --seed 3 --duration 60 --method pcmci --test parcorr --out "$to/crowd" -q --threads 1 >/dev/null &&
     "$@" demo --seed 3 --duration 45 --method pcmci --test parcorr --out "$to/demo" -q --threads 1 >/dev/null || return
-  for how in "pcmci --test gpdc" "pcmci --test robust_parcorr" "pcmciplus --test parcorr" "lpcmci --test parcorr" granger varlingam dynotears timino; do
+  for how in "fpcmci --test gpdc" "pcmci --test robust_parcorr" "pcmciplus --test parcorr" "lpcmci --test parcorr" "pcmci --test cmiknn --shuffles 30" granger varlingam dynotears timino; do
     # shellcheck disable=SC2086 # the method and its test are words
     "$@" discover "$work"/here/demo/pp_pool/analysed/*.csv --method $how --threads 1 --out "$to/${how// /}" -q >/dev/null || return
   done
@@ -41,8 +41,10 @@ same() { # where, then the command
 if [ "$(uname -m)" = x86_64 ]; then
   same Nehalem qemu-x86_64 -cpu Nehalem "$roscausal"
   same Haswell qemu-x86_64 -cpu Haswell "$roscausal"
+elif [ $# -eq 0 ]; then
+  give_up "this is no x86 processor, and no other command is given to compare with"
 fi
 # shellcheck disable=SC2086 # the command is words
-[ $# -eq 0 ] || same "the machine of '$1'" $1
+[ $# -eq 0 ] || same given $1
 echo "$passed passed, $failed failed"
 [ $failed -eq 0 ]

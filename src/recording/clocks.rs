@@ -88,7 +88,7 @@ pub(crate) struct Offset {
     pub(crate) spread_s: f64,
     /// Between the medians of ten parts of the recording, seconds.
     wander_s: f64,
-    /// The least one, seconds.
+    /// The least one, seconds; 0 at the most.
     least_s: f64,
     /// Messages with a stamp.
     pub(crate) count: u64,

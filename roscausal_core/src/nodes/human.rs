@@ -83,7 +83,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         of_data "goal_topic" = text("/hri/human_goal"), Any, "geometry_msgs/PoseStamped goal; empty: none";
         of_data "goals_topic" = text("/hri/human_goals"), Any,
             "pedsim_msgs/TrackedPersons whose poses are the people's goals; empty: none";
-        of_data "robot" = text(""), Any, "name of the robot that nearest:N refers to; empty: none";
+        of_data "robot" = text(""), Any, "name of the robot that nearest:N refers to, and that has only its own person; empty: none";
         of_data "source_frame" = text("base_footprint"), Any,
             "frame of people whose topic names none; empty: target_frame";
         of_data "target_frame" = text("map"), Any, "frame of the published states";

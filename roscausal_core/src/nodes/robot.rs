@@ -182,7 +182,7 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
                 ("without stamp", tracker.unstamped.to_string()),
                 ("no transform in time", tracker.without_transform.to_string()),
                 ("not finite", tracker.not_finite.to_string()),
-                ("clock jumps back", tracker.jumps.to_string()),
+                ("clock jumps", tracker.jumps.to_string()),
                 ("dropped", inbox.dropped().to_string()),
             ]
         };

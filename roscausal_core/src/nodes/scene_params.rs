@@ -40,7 +40,7 @@ roscausal_discovery::with_defaults! {
 impl SceneOptions {
     /// Names, defaults, allowed values and descriptions of the parameters.
     pub fn specs() -> Vec<ParamSpec> {
-        let whose = "person whose goal and risk are shown: an id or nearest:1; if absent, the first person";
+        let whose = "person whose goal and risk are shown: an id or nearest:1; if absent, the first person, or nobody if robot is set";
         let robot = "name of the robot, the namespace of its topics; empty: none";
         let mut specs = param_specs! {
             "robot" = Value::Str(String::new()), Allowed::Any, robot;
@@ -74,7 +74,7 @@ impl SceneOptions {
 
     /// The person shown; `None` if nobody is there.
     pub fn person(&self, people: &[HumanState], robot: Option<&RobotState>) -> Option<HumanState> {
-        self.agents.one(people, robot.map(|robot| &robot.pose2d), true)
+        self.agents.one(people, robot.map(|robot| &robot.pose2d), self.robot.is_empty())
     }
 
     /// The risk cone of `person` towards `robot`; `None` as in [`RiskCone::new`].

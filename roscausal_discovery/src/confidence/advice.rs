@@ -8,8 +8,6 @@
 //!
 //! It is no promise: two thirds of the links found in 0.3 to 0.5 of the resamples are not there.
 
-use statrs::function::erf::erfc;
-
 use crate::settings::{Resampling, Scheme};
 use crate::{
     model::{Advice, Confidence, Model, cells},
@@ -106,7 +104,7 @@ pub(super) fn found_share(resampling: &Resampling, z: f64, c: f64) -> f64 {
         Scheme::Bootstrap => (z, 1.0),
         Scheme::Subsample => (resampling.share.sqrt() * z, (1.0 - resampling.share).sqrt()),
     };
-    let below = |x: f64| 0.5 * erfc(-x / std::f64::consts::SQRT_2);
+    let below = |x: f64| 0.5 * libm::erfc(-x / std::f64::consts::SQRT_2);
     below((mean - c) / deviation) + below((-mean - c) / deviation)
 }
 

@@ -38,7 +38,7 @@ pub fn series(names: &[String], units: &[&str], values: ArrayView2<f64>, dt: Opt
         let at = Point::new(12.0, (top + bottom) / 2.0 + 5.0);
         svg.text(at, 14.0, "start", INK, &cut(&display(name), LETTERS));
         if let Some(unit) = units.get(strip).filter(|unit| !unit.is_empty()) {
-            svg.text(at.plus(0.0, 17.0), 12.0, "start", INK, unit);
+            svg.text(at.plus(0.0, 17.0), 12.0, "start", INK, &cut(unit, LETTERS));
         }
         let gaps = gaps(column.iter().map(|v| v.is_finite()), per_place);
         let imposed = imposed.iter().map(|rows| (rows, "imposed", "#f59e0b", 0.22));

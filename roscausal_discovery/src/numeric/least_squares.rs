@@ -245,7 +245,7 @@ fn scaled(columns: &[&[f64]], constant: bool) -> (Vec<Vec<f64>>, Vec<f64>) {
 
 /// The triangular factor of a matrix, given by its columns: `[column][row]`, as many rows as there are columns, or rows of the matrix.
 /// Step k mirrors what is below row k so that column k ends there. Not by a library: its sums have as many lanes as the processor,
-/// and the last digits of a model would say on which it was made.
+/// and the last digits of a model would depend on the processor.
 fn triangle(mut columns: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let rows = columns.first().map_or(0, Vec::len).min(columns.len());
     for k in 0..rows {

@@ -7,7 +7,6 @@
 //! Written out here, because the least squares of `numeric` keep sums only, and HC3 needs each sample's leverage.
 
 use serde::{Deserialize, Serialize};
-use statrs::function::erf::erfc;
 
 /// A slope and the variance of its estimate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,7 +30,7 @@ impl Slope {
 
 /// `P(|N(0, 1)| > |z|)`; 1 where `z` is not a number.
 pub(crate) fn two_sided(z: f64) -> f64 {
-    if z.is_nan() { 1.0 } else { erfc(z.abs() / std::f64::consts::SQRT_2) }
+    if z.is_nan() { 1.0 } else { libm::erfc(z.abs() / std::f64::consts::SQRT_2) }
 }
 
 /// What the conditions leave of other columns.

@@ -20,7 +20,7 @@ use crate::{linear::Factor, random};
 const HINGES: usize = 12;
 const MIXTURES: usize = 12;
 const HINGES_OF_MIXTURE: usize = 4;
-/// How much a group may bend: 1 moves a normal variable by 0.4 standard deviations of the noise. Not at all is so many times as likely as each.
+/// How much a group may bend: 1 moves a normal variable by 0.4 standard deviations of the noise. 0 is `STRAIGHT` times as likely as each of the others.
 const STRENGTHS: [f64; 6] = [0.0, 0.25, 0.5, 1.0, 2.0, 4.0];
 const STRAIGHT: f64 = 20.0;
 /// Sweeps of the sampler before the first that counts.
@@ -57,7 +57,7 @@ fn along(direction: &[f64], place: &[f64]) -> f64 {
     direction.iter().zip(place).map(|(a, b)| a * b).sum()
 }
 
-/// Equations that the true one may be: the line, and a function beside it of its parents `used`, for what it leaves of the rows (`target`).
+/// Equations that the true one may be: the line, and a function of its parents `used` for what it leaves of the rows (`target`).
 /// One for each list of how often the rows count.
 pub(crate) fn draws(
     line: &Equation,
@@ -100,16 +100,20 @@ pub(crate) fn draws(
     let strengths = strengths(&rows.t().dot(&rows), &groups, n, (counts.len(), seed));
     let bends = Arc::new(bends);
     let draw = |(number, (counts, (factors, noise))): (usize, (Array1<f64>, Strengths))| {
+        // Most draws leave most groups out; then the target.
+        let mut there: Vec<usize> = (0..last).filter(|&k| factors[groups[k]] > 0.0).collect();
+        let of_these: Vec<usize> = there.iter().map(|&k| groups[k]).collect();
+        there.push(last);
+        let rows = rows.select(Axis(1), &there);
         let products = (&rows * &counts.insert_axis(Axis(1))).t().dot(&rows);
-        let Ridge { columns, factor } = Ridge::new(&products, &groups, &factors);
+        let Ridge { columns, factor } = Ridge::new(&products, &of_these, &factors);
         let solved = factor.solve(|i| {
             let (k, scaled, scale) = columns[i];
-            let prior =
-                if groups[k] > 0 { noise * random::normal(random::at(mix(seed), number, k)) } else { 0.0 };
-            scaled * products[[k, last]] + prior / scale
+            let drawn = || noise * random::normal(random::at(mix(seed), number, there[k]));
+            scaled * products[[k, of_these.len()]] + if of_these[k] > 0 { drawn() / scale } else { 0.0 }
         });
         let mut weights = vec![0.0; last];
-        factor.kept.iter().zip(solved).for_each(|(&i, x)| weights[columns[i].0] = columns[i].1 * x);
+        factor.kept.iter().zip(solved).for_each(|(&i, x)| weights[there[columns[i].0]] = columns[i].1 * x);
         let of_bends = weights.split_off(d + 1);
         let mut equation = Equation::line(&line.parents, line.intercept + weights[0], &line.coefficients);
         for (&(k, mean, deviation), weight) in bends.parents.iter().zip(&weights[1..]) {

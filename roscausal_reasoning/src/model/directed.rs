@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
+use ndarray::Array1;
 use rayon::prelude::*;
 use roscausal_discovery::{Error, Node, Result};
 
@@ -173,12 +174,16 @@ struct Draws {
 impl Draws {
     fn make(&self, graph: &Graph) -> Vec<System> {
         let members = self.settings.members;
-        let counts: Vec<Vec<u32>> =
-            (0..members).map(|b| counts(&self.stretches, &self.settings, b)).collect();
-        let of = |(var, fit): (usize, &Found)| {
-            fit.as_ref().ok().map(|fit| fit.drawn(&counts, random::at(self.settings.seed, var, 7)))
+        let mut of_fits: Vec<Vec<Array1<f64>>> = vec![Vec::new(); self.fits.len()];
+        for b in 0..members {
+            let counts = counts(&self.stretches, &self.settings, b);
+            let fits = of_fits.iter_mut().zip(&self.fits);
+            fits.for_each(|(of, fit)| of.extend(fit.as_ref().ok().map(|fit| fit.bend_counts(&counts))));
+        }
+        let of = |(var, (fit, counts)): (usize, (&Found, Vec<Array1<f64>>))| {
+            fit.as_ref().ok().map(|fit| fit.drawn(counts, random::at(self.settings.seed, var, 7)))
         };
-        let drawn: Vec<_> = self.fits.par_iter().enumerate().map(of).collect();
+        let drawn: Vec<_> = self.fits.par_iter().zip(of_fits).enumerate().map(of).collect();
         let one = |b: usize| system(graph, drawn.iter().map(|all| Some(all.as_ref()?[b].clone())).collect());
         (0..members).map(one).collect()
     }

@@ -1,10 +1,11 @@
 //! One equation: a variable's expected value from its parents, `x_j(t) = f_j(parents) + e_j(t)`.
 //!
 //! `f` is a constant without parents, a line, or a line and a Gaussian process on what the line leaves. With the line, far from the
-//! data the answer is the trend and not the mean.
+//! data the answer is the trend and not the mean. An equation that is drawn is a line with hinges (`bends`).
 
 use std::sync::Arc;
 
+use ndarray::Array1;
 use roscausal_discovery::{
     Node, Result,
     independence_tests::{GpRegression, TestSettings},
@@ -251,14 +252,22 @@ impl Fitted {
 
     /// Equations that the true one may be, on rows that count as often as their moments do. They may bend where a line was taken, too: what
     /// bends a little is forecast no better for it, but what would have been had a value been another is.
-    pub(crate) fn drawn(&self, counts: &[Vec<u32>], seed: u64) -> Vec<Arc<Equation>> {
-        let used: Vec<usize> = (0..self.columns.len()).filter(|k| !self.line.dropped.contains(k)).collect();
-        let rows: Vec<usize> = thin(self.rows.len(), BEND_ROWS).collect();
-        let some = |values: &Vec<f64>| rows.iter().map(|&i| values[i]).collect::<Vec<f64>>();
+    ///
+    /// `counts`: of [`bend_counts`](Self::bend_counts), for each draw.
+    pub(crate) fn drawn(&self, counts: Vec<Array1<f64>>, seed: u64) -> Vec<Arc<Equation>> {
+        let some =
+            |values: &Vec<f64>| spread(values.len(), BEND_ROWS).map(|i| values[i]).collect::<Vec<f64>>();
         let columns: Vec<Vec<f64>> = self.columns.iter().map(some).collect();
-        let counts =
-            counts.iter().map(|counts| rows.iter().map(|&i| f64::from(counts[self.rows[i]])).collect());
+        // What happens once may be in none of these rows.
+        let varies = |k: &usize| columns[*k].iter().any(|value| *value != columns[*k][0]);
+        let used = (0..columns.len()).filter(|k| !self.line.dropped.contains(k) && varies(k));
+        let used: Vec<usize> = used.collect();
         let line = Equation::line(&self.equation.parents, self.line.intercept, &self.line.coefficients);
-        draws(&line, (&some(&self.line.residuals), &columns, &used), counts.collect(), seed)
+        draws(&line, (&some(&self.line.residuals), &columns, &used), counts, seed)
+    }
+
+    /// How often the rows count that say where it bends.
+    pub(crate) fn bend_counts(&self, counts: &[u32]) -> Array1<f64> {
+        spread(self.rows.len(), BEND_ROWS).map(|i| f64::from(counts[self.rows[i]])).collect()
     }
 }
