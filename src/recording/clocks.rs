@@ -8,20 +8,16 @@ use std::{
 };
 
 use roscausal_core::{Error, Result, Time, signal::Definitions};
-use roscausal_msgs::{
-    dynamic::{Schema, Wire},
-    geometry_msgs::TransformStamped,
-    rosgraph_msgs::Clock,
-    tf2_msgs::TFMessage,
-};
-use roscausal_recording::{Record, Recording, Stepped, Steps, Tick, Topic};
+use roscausal_msgs::{geometry_msgs::TransformStamped, rosgraph_msgs::Clock, tf2_msgs::TFMessage};
+use roscausal_recording::{Recording, Stepped, Steps, Tick, Topic};
 
-use super::order::{Intervals, Lead, TopicLead};
+use super::{
+    order::{Intervals, Lead, TopicLead},
+    stamps::{ONE_CLOCK_S, Stamps, number},
+};
 
 /// A stamp may be this far from where those around it put it. Seconds.
 const CLOSE_S: f64 = 1.0;
-/// Clocks that differ by more than this are two clocks: no tracker takes so long. Seconds.
-pub(super) const ONE_CLOCK_S: f64 = 5.0;
 /// Stamps this far ahead of the time of recording are of another clock, if others have that time: no delay makes that. Transforms
 /// are often dated ahead. Seconds.
 const AHEAD_S: f64 = 0.25;
@@ -39,32 +35,6 @@ const MOST_MISTAKEN: f64 = 0.1;
 const ENOUGH: u64 = 20;
 /// Offsets that are kept of a topic, and frames that are fixed.
 const MOST_KEPT: usize = 4096;
-
-/// Where stamps are in the messages of a topic.
-#[derive(Debug)]
-pub(crate) struct Stamps {
-    schema: Schema,
-    wire: Wire,
-}
-
-impl Stamps {
-    /// Those of a topic whose type is known.
-    pub(crate) fn of(topic: &Topic, definitions: &Definitions) -> Option<Self> {
-        let kind = topic.raw_type()?;
-        Some(Self { schema: definitions.schema(&kind).ok()?, wire: kind.wire })
-    }
-
-    /// The stamp of a message, if it has one.
-    pub(crate) fn first(&self, bytes: &[u8]) -> Option<Time> {
-        self.schema.stamp(self.wire, bytes).ok().flatten().filter(|stamp| *stamp != Time::ZERO)
-    }
-
-    /// Replaces all stamps of a message.
-    pub(super) fn set(&self, bytes: &mut [u8], stamp: Time) {
-        // What is not a message of its type is reported by whoever reads it.
-        let _ = self.schema.restamp(self.wire, bytes, stamp);
-    }
-}
 
 /// Stamp minus time of recording, of one topic.
 #[derive(Default)]
@@ -343,13 +313,6 @@ impl Clocks {
     pub(super) fn leaves_out(&self, topic: usize, number: u64) -> bool {
         self.mistakes.get(topic).is_some_and(|mistakes| mistakes.contains(&number))
     }
-}
-
-/// Counts a message: its number among those of its topic.
-pub(super) fn number(numbers: &mut [u64], record: &Record) -> u64 {
-    let Some(next) = numbers.get_mut(record.topic) else { return 0 };
-    *next += 1;
-    *next - 1
 }
 
 /// Checks that stamps are of one clock that goes on with the time of recording. Returns what may be wrong with them.

@@ -10,6 +10,7 @@ mod play;
 mod robots;
 mod roles;
 mod seen;
+mod stamps;
 
 use std::path::{Path, PathBuf};
 

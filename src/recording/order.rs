@@ -7,7 +7,7 @@ use roscausal_core::Time;
 use roscausal_msgs::tf2_msgs::TFMessage;
 use roscausal_recording::{Record, Recording};
 
-use super::clocks::{self, ONE_CLOCK_S, Stamps};
+use super::stamps::{ONE_CLOCK_S, Stamps, number};
 
 /// How far messages are played before the time at which they were recorded.
 #[derive(Debug, Default)]
@@ -132,7 +132,7 @@ impl<'a> InOrder<'a> {
                 record.stamp = came.plus_secs(-lead).max(first);
             }
             self.count += 1;
-            let number = clocks::number(numbers, &record);
+            let number = number(numbers, &record);
             self.waiting.insert((record.stamp, self.count), (record, number));
         }
         self.waiting.pop_first().map(|(_, numbered)| numbered)

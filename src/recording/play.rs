@@ -25,9 +25,10 @@ use roscausal_msgs::{
 use roscausal_recording::{Player, Record, Recording, Topic};
 
 use super::{
-    clocks::{Clocks, Stamps, is_clock},
+    clocks::{Clocks, is_clock},
     inputs::{Inputs, ODOMETRY_POSE},
     order::InOrder,
+    stamps::Stamps,
 };
 
 /// After this time within a hole of a recording, nothing happens until its end.
