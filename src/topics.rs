@@ -11,8 +11,9 @@ use roscausal_recording::{Record, Recording};
 use crate::{
     interrupt::Interrupt,
     recording::{
-        clocks::{Offset, Offsets, Stamps, is_tf},
+        clocks::{Offset, Offsets, is_tf},
         runs,
+        stamps::Stamps,
     },
 };
 

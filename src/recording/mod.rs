@@ -10,7 +10,7 @@ mod play;
 mod robots;
 mod roles;
 mod seen;
-mod stamps;
+pub(crate) mod stamps;
 
 use std::path::{Path, PathBuf};
 
