@@ -13,7 +13,6 @@ use ndarray::{Array1, Array2, Axis};
 use rayon::prelude::*;
 use roscausal_discovery::{mix, quantile};
 
-use super::equation::Equation;
 use crate::{linear::Factor, random};
 
 /// Hinges of a parent; mixtures of parents, and hinges of each.
@@ -57,14 +56,20 @@ fn along(direction: &[f64], place: &[f64]) -> f64 {
     direction.iter().zip(place).map(|(a, b)| a * b).sum()
 }
 
-/// Equations that the true one may be: the line, and a function of its parents `used` for what it leaves of the rows (`target`).
-/// One for each list of how often the rows count.
+/// What an equation that the true one may be has beside a line.
+pub(crate) struct Drawn {
+    pub(crate) constant: f64,
+    /// By parent.
+    pub(crate) slopes: Vec<(usize, f64)>,
+    pub(crate) bends: Option<(Arc<Bends>, Vec<f64>)>,
+}
+
+/// Functions of the parents `used` for what a line leaves of the rows (`target`). One for each list of how often the rows count.
 pub(crate) fn draws(
-    line: &Equation,
     (target, columns, used): (&[f64], &[Vec<f64>], &[usize]),
     counts: Vec<Array1<f64>>,
     seed: u64,
-) -> Vec<Arc<Equation>> {
+) -> Vec<Drawn> {
     let (n, d, mut groups) = (target.len() as f64, used.len(), vec![0; used.len() + 1]);
     let scale = |&k: &usize| {
         let mean = columns[k].iter().sum::<f64>() / n;
@@ -115,14 +120,12 @@ pub(crate) fn draws(
         let mut weights = vec![0.0; last];
         factor.kept.iter().zip(solved).for_each(|(&i, x)| weights[there[columns[i].0]] = columns[i].1 * x);
         let of_bends = weights.split_off(d + 1);
-        let mut equation = Equation::line(&line.parents, line.intercept + weights[0], &line.coefficients);
-        for (&(k, mean, deviation), weight) in bends.parents.iter().zip(&weights[1..]) {
-            equation.intercept -= weight * mean / deviation;
-            equation.coefficients[k] += weight / deviation;
-        }
+        let slopes = bends.parents.iter().zip(&weights[1..]);
+        let at_zero = slopes.clone().map(|((_, mean, deviation), weight)| weight * mean / deviation);
+        let constant = weights[0] - at_zero.sum::<f64>();
+        let slopes = slopes.map(|(&(k, _, deviation), weight)| (k, weight / deviation)).collect();
         let is_bent = of_bends.iter().any(|weight| *weight != 0.0);
-        equation.bends = is_bent.then(|| (bends.clone(), of_bends));
-        Arc::new(equation)
+        Drawn { constant, slopes, bends: is_bent.then(|| (bends.clone(), of_bends)) }
     };
     counts.into_par_iter().zip(strengths).enumerate().map(draw).collect()
 }
@@ -197,18 +200,19 @@ impl Ridge {
 
 #[cfg(test)]
 mod tests {
-    use roscausal_discovery::Node;
-
     use super::*;
 
     /// What draws say at places, of a target that is `truth` and noise of one standard deviation.
     fn answers(truth: impl Fn(f64) -> f64, places: &[f64]) -> Vec<Vec<f64>> {
         let x: Vec<f64> = (0..600).map(|i| random::normal(random::at(1, i, 0))).collect();
         let y: Vec<f64> = (0..600).map(|i| truth(x[i]) + random::normal(random::at(1, i, 1))).collect();
-        let line = Equation::line(&[Node::new(0, 1)], 0.0, &[0.0]);
         let counts = |b: usize| (0..600).map(|i| random::below(random::at(2, i, b), 3) as f64).collect();
-        let all = draws(&line, (&y, &[x], &[0]), (0..40).map(counts).collect(), 3);
-        places.iter().map(|&place| all.iter().map(|one| one.mean(&[place])).collect()).collect()
+        let all = draws((&y, &[x], &[0]), (0..40).map(counts).collect(), 3);
+        let at = |one: &Drawn, place: f64| {
+            let bent = one.bends.as_ref().map_or(0.0, |(bends, weights)| bends.sum(weights, &[place]));
+            one.constant + one.slopes[0].1 * place + bent
+        };
+        places.iter().map(|&place| all.iter().map(|one| at(one, place)).collect()).collect()
     }
 
     #[test]

@@ -11,7 +11,7 @@ use roscausal_discovery::{
     independence_tests::{GpRegression, TestSettings},
 };
 
-use super::bends::{Bends, draws};
+use super::bends::{Bends, Drawn, draws};
 use crate::{
     linear::{Fit, weighted},
     samples::{Moment, Samples},
@@ -262,8 +262,14 @@ impl Fitted {
         let varies = |k: &usize| columns[*k].iter().any(|value| *value != columns[*k][0]);
         let used = (0..columns.len()).filter(|k| !self.line.dropped.contains(k) && varies(k));
         let used: Vec<usize> = used.collect();
-        let line = Equation::line(&self.equation.parents, self.line.intercept, &self.line.coefficients);
-        draws(&line, (&some(&self.line.residuals), &columns, &used), counts, seed)
+        let whole = |drawn: Drawn| {
+            let intercept = self.line.intercept + drawn.constant;
+            let mut equation = Equation::line(&self.equation.parents, intercept, &self.line.coefficients);
+            drawn.slopes.into_iter().for_each(|(k, slope)| equation.coefficients[k] += slope);
+            Arc::new(Equation { bends: drawn.bends, ..equation })
+        };
+        let drawn = draws((&some(&self.line.residuals), &columns, &used), counts, seed);
+        drawn.into_iter().map(whole).collect()
     }
 
     /// How often the rows count that say where it bends.
