@@ -34,7 +34,7 @@ const FUNCTIONS: [(&str, usize, Function); 13] = [
     ("rate", 1, Function::Rate),
     ("min", 2, Function::Pair(|a, b| known(a, b, f64::min))),
     ("max", 2, Function::Pair(|a, b| known(a, b, f64::max))),
-    ("atan2", 2, Function::Pair(f64::atan2)),
+    ("atan2", 2, Function::Pair(libm::atan2)),
 ];
 
 /// A function by its number: first [`FUNCTIONS`], then those of one number.

@@ -276,7 +276,7 @@ impl<'a> Scene<'a> {
     fn usual_distance(&self, agent: &Agent) -> Result<f64> {
         let batch = self.batch(agent)?;
         let rows = batch.people.get(&agent.id).map(Vec::as_slice).unwrap_or_default();
-        let distance = |row: usize, other: &Values| (other.x - rows[row].x).hypot(other.y - rows[row].y);
+        let distance = |row: usize, other: &Values| libm::hypot(other.x - rows[row].x, other.y - rows[row].y);
         let nearest = |row: usize| {
             let others = batch.others.values().map(|rows| &rows[row]).chain([&batch.robot[row]]);
             others.map(|other| distance(row, other)).filter(|d| d.is_finite()).min_by(f64::total_cmp)
