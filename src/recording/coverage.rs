@@ -106,7 +106,7 @@ impl Known {
         if (0.0..=self.max_gap_s).contains(&step) {
             self.seconds += step;
         }
-        if step >= 0.0 || step < -BACK_S {
+        if !(-BACK_S..0.0).contains(&step) {
             self.last = Some(stamp);
         }
     }
