@@ -177,7 +177,8 @@ fn grouped(sub: &'static clap::Command) -> clap::Command {
 const LONGEST_WORD: usize = 400;
 
 /// Whose warnings of a file that is played are notes at its end.
-const REPORTED_AT_THE_END: &str = "batch::recorder nodes::discovery nodes::health people signal";
+const REPORTED_AT_THE_END: [&str; 5] =
+    ["batch::recorder", "nodes::discovery", "nodes::health", "people", "signal"];
 
 /// Complains about a command line that cannot be understood, and ends the process.
 fn refuse(line: &[OsString], error: &clap::Error, colour: terminal::Colour) -> ! {
@@ -275,7 +276,7 @@ impl Cli {
                 // What is played from a file is reported at its end, without advice for a robot that runs.
                 let is_live = self.verbose > 0
                     || matches!(self.command, Command::Demo(_) | Command::Experiment(_) | Command::Teleop(_));
-                let silent = REPORTED_AT_THE_END.split(' ').filter(|_| !is_live);
+                let silent = REPORTED_AT_THE_END.iter().filter(|_| !is_live);
                 let silent = silent.map(|module| (format!("roscausal_core::{module}"), LevelFilter::ERROR));
                 Targets::new().with_default(default).with_targets(silent)
             }));

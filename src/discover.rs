@@ -13,7 +13,6 @@ mod trajectories;
 
 use std::{
     ffi::OsString,
-    fs,
     path::{Path, PathBuf},
     sync::{Arc, atomic::AtomicBool},
 };
@@ -25,6 +24,7 @@ use roscausal_core::{
     batch::{
         Table,
         joint::{Facts, Joint},
+        pool::with_ending,
         table::{Note, common_step},
     },
 };
@@ -171,9 +171,9 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     results.write(|dir| {
         output::write_model_as(dir, &model, &args.pictures)?;
         output::write_file(dir, folders::EVIDENCE, evidence.to_json().as_bytes())?;
-        let kept = keep.iter().flat_map(fs::read_dir).flatten().flatten().map(|batch| batch.path());
-        let units: Vec<_> =
-            args.files.iter().cloned().chain(kept).flat_map(|file| output::units_beside(&file)).collect();
+        let kept = keep.iter().flat_map(|folder| with_ending(folder, ".csv")).flatten();
+        let files = args.files.iter().cloned().chain(kept);
+        let units: Vec<_> = files.flat_map(|file| output::units_beside(&file)).collect();
         for (i, recording) in data.recordings().iter().enumerate().take(MOST_PICTURES) {
             let name = format!("series_{}", i + 1);
             output::write_series(dir, &name, data.var_names(), &units, recording.view(), model.dt)?;

@@ -126,13 +126,14 @@ model.save(__import__("sys").argv[1])' >>"$work/readme.py"
   done
 }
 
-# A minimal Debian in a folder, made once.
+# minimal FOLDER OPTION...: a minimal Debian in that folder below target/, made once with these options of debootstrap; `root` is where.
 minimal() {
-  root=target/minimal-debian
+  root=target/$1
+  shift
   [ -e $root/complete ] && return
   command -v debootstrap >/dev/null || debian debootstrap
   rm -rf --one-file-system $root
-  debootstrap --variant=minbase bookworm $root >"$work/log" 2>&1 || { tail "$work/log"; give_up "debootstrap cannot make a minimal Debian"; }
+  debootstrap "$@" --variant=minbase bookworm $root >"$work/log" 2>&1 || { tail "$work/log"; give_up "debootstrap cannot make a minimal Debian"; }
   touch $root/complete
 }
 # What a package may leave: apt's lists, logs and dpkg's own records are not of it.
@@ -146,7 +147,7 @@ deb() {
   command -v lintian >/dev/null || debian lintian
   # Its one remark left out: that an upload to Debian's archive should close a bug there.
   check "lintian has no remarks" lintian --fail-on error,warning --suppress-tags initial-upload-closes-no-bugs --allow-root "$package"
-  minimal
+  minimal minimal-debian
   cp -a "$root" "$work/root"
   cp "$package" "$work/root/tmp/roscausal.deb"
   state "$work/root" >"$work/before"
@@ -163,7 +164,7 @@ deb() {
 image() {
   local package
   package=$(made "roscausal_$version-*_$(dpkg --print-architecture).deb") || exit 1
-  minimal
+  minimal minimal-debian
   cp -a "$root" "$work/image"
   cp "$package" "$work/image/tmp/"
   cp /etc/resolv.conf "$work/image/etc/"
@@ -178,18 +179,16 @@ image() {
 }
 
 aarch64() {
-  local package debian_arm=target/minimal-debian-arm64
+  local package
   package=$(made "roscausal_$version-*_arm64.deb") || exit 1
   command -v qemu-aarch64 >/dev/null || debian qemu-user
-  command -v debootstrap >/dev/null || debian debootstrap
   # Unpacked and not set up, which would need to run its programs: the libraries are there.
-  [ -e $debian_arm/complete ] || debootstrap --foreign --arch=arm64 --variant=minbase bookworm $debian_arm >"$work/log" 2>&1 && touch $debian_arm/complete ||
-    give_up "debootstrap cannot fetch Debian's arm64"
+  minimal minimal-debian-arm64 --foreign --arch=arm64
   dpkg-deb -x "$package" "$work/arm"
   check "it runs on glibc 2.28" old_enough "$work/arm/usr/bin/roscausal"
-  check "the demo runs" qemu-aarch64 -L $debian_arm "$work/arm/usr/bin/roscausal" demo --out "$work/demo"
+  check "the demo runs" qemu-aarch64 -L $root "$work/arm/usr/bin/roscausal" demo --out "$work/demo"
   check "and leaves the model and its pictures" test -s "$work/demo/model.json" -a -s "$work/demo/dag.png"
-  check "its bytes are those of this machine" tests/processors.sh "qemu-aarch64 -L $debian_arm $work/arm/usr/bin/roscausal"
+  check "its bytes are those of this machine" tests/processors.sh "qemu-aarch64 -L $root $work/arm/usr/bin/roscausal"
 }
 
 offline() {

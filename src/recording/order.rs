@@ -102,8 +102,16 @@ pub(super) struct InOrder<'a> {
 impl<'a> InOrder<'a> {
     /// In the order of recording.
     pub(super) fn new(recording: &'a mut Recording) -> Self {
-        let (waiting, first, newest) = Default::default();
-        Self { recording, lead: None, most: 0.0, waiting, count: 0, first, newest, at_end: false }
+        Self {
+            recording,
+            lead: None,
+            most: 0.0,
+            waiting: BTreeMap::new(),
+            count: 0,
+            first: None,
+            newest: None,
+            at_end: false,
+        }
     }
 
     /// In that of the stamps, before the first message is read.

@@ -39,11 +39,6 @@ const LONGEST_HOLE_NS: i64 = 30 * 86_400 * 1_000_000_000;
 const ENOUGH: f64 = 0.85;
 /// Rows that are more uneven make links at lag 0 in a recording of 1200 rows (`roscausal_core/examples/sightings.rs`). Steps.
 const UNEVEN: f64 = 0.05;
-/// What of the nodes' diagnostics says that messages were left out, or are not what they should be; in more than one of 100 that they sent.
-const LOST: &str = "out of order, without stamp, no transform in time, not finite, not readable, too late, in another frame, \
-                    messages of signals not read";
-/// Of these any is said.
-const JUMPS: &str = "clock jumps";
 /// A longer time without messages of a topic is reported. Seconds.
 const SILENT_S: f64 = 5.0;
 /// What of the nodes' diagnostics is kept.
@@ -57,8 +52,9 @@ fn lost(status: &DiagnosticStatus) -> String {
     let sent = status.values.iter().find(|pair| pair.key == "sent").map_or(0.0, number);
     let is_loss = |pair: &&KeyValue| match pair.key.strip_prefix(labels::SILENCE) {
         Some(topic) => number(pair) >= SILENT_S && !topic.contains("roscausal/"),
-        None if pair.key == JUMPS => number(pair) > 0.0,
-        None => LOST.split(", ").any(|key| key == pair.key) && 100.0 * number(pair) > sent,
+        None if pair.key == labels::JUMPS => number(pair) > 0.0,
+        // Of others a few are no matter.
+        None => labels::LOST.contains(&pair.key.as_str()) && 100.0 * number(pair) > sent,
     };
     let lost = status.values.iter().filter(is_loss).map(|pair| format!("{}: {}", pair.key, pair.value));
     lost.collect::<Vec<_>>().join(", ")
@@ -295,7 +291,7 @@ impl Played {
         }
         self.losses.iter().for_each(|loss| tell!("note: {loss}"));
         for (node, [lost, trouble]) in lock(&self.troubles).iter().filter(|(_, [lost, _])| !lost.is_empty()) {
-            let why = lost.contains("no transform") && !trouble.is_empty();
+            let why = lost.contains(labels::NO_TRANSFORM) && !trouble.is_empty();
             let why = if why { format!(" ({trouble})") } else { String::new() };
             tell!("note: {file}: {node} node: {lost}{why}");
         }

@@ -15,7 +15,7 @@ use super::{
     signal_track::SignalTrack,
     tracks::{Sampling, Taken, Track, Values},
 };
-use crate::signal::How;
+use crate::{signal::How, state::scene::speed};
 
 mod rows;
 
@@ -37,7 +37,7 @@ const FEWEST_MOVING: u64 = 100;
 const MOST_CONTEXT: usize = 64;
 
 /// How to record.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct RecorderConfig {
     /// Step between rows, seconds.
     pub dt_s: f64,
@@ -85,7 +85,7 @@ pub struct RecorderCounts {
 /// must have arrived: when the newest stamp is `max_gap` and 0.5 s later. So the batches depend on the messages
 /// alone. A batch begins with the first row in which the robot and a selected person are there; where nobody is to be
 /// recorded, with the first that has the robot or a signal, and the arrival of signals counts as a stamp.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Recorder {
     config: RecorderConfig,
     dt_ns: i64,
@@ -125,8 +125,33 @@ impl Recorder {
     /// A recorder that has received nothing.
     pub fn new(config: RecorderConfig) -> Self {
         let dt_ns = nanos(config.dt_s).max(1);
-        let (max_gap_ns, rows_per_batch) = (nanos(config.max_gap_s).max(dt_ns), config.rows_per_batch());
-        Self { dt_ns, max_gap_ns, rows_per_batch, config, ..Self::default() }
+        Self {
+            dt_ns,
+            max_gap_ns: nanos(config.max_gap_s).max(dt_ns),
+            rows_per_batch: config.rows_per_batch(),
+            next_length: None,
+            config,
+            robot: Track::default(),
+            people: BTreeMap::new(),
+            others: BTreeMap::new(),
+            context: BTreeMap::new(),
+            signals: Vec::new(),
+            newest_signal: None,
+            frame: None,
+            newest_robot: None,
+            newest_people: None,
+            next_row: None,
+            open: None,
+            votes: BTreeMap::new(),
+            done: Vec::new(),
+            log: None,
+            fresh: None,
+            seen: BTreeSet::new(),
+            spacing: (0.0, [0.0; 2]),
+            last_late: None,
+            following: [0; 2],
+            counts: RecorderCounts::default(),
+        }
     }
 
     /// Makes the recorder also report what to journal. Journals are numbered from `first` on.
@@ -568,7 +593,7 @@ pub(super) fn values(pose: &Pose2D, twist: &Twist, goal: &Point) -> Values {
         x: finite(pose.x),
         y: finite(pose.y),
         theta: finite(pose.theta),
-        v: finite(libm::hypot(twist.linear.x, twist.linear.y)),
+        v: finite(speed(twist)),
         omega: finite(twist.angular.z),
     }
 }

@@ -5,10 +5,9 @@ use std::{collections::BTreeSet, fmt, str::FromStr};
 use roscausal_msgs::{HumanState, geometry_msgs::Pose2D};
 
 /// A selection of people (`sel_agent`): `1000`, `3,7`, `nearest:2`, `all`, `nobody`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Select {
     /// Everybody.
-    #[default]
     All,
     /// The people with these ids.
     Ids(BTreeSet<u32>),

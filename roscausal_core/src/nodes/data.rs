@@ -244,11 +244,11 @@ fn report<M: Middleware>(
         ("messages dropped", dropped),
         ("messages not recorded, pool full", refused),
         ("duplicate stamps", counts.duplicates),
-        ("too late", counts.late),
-        ("in another frame", counts.foreign_frame),
+        (labels::TOO_LATE, counts.late),
+        (labels::FOREIGN, counts.foreign_frame),
         ("too many people or samples", counts.crowded),
-        ("clock jumps", counts.jumps),
-        ("messages of signals not read", signals.unreadable()),
+        (labels::JUMPS, counts.jumps),
+        (labels::SIGNALS_UNREAD, signals.unreadable()),
     ]
     .map(|(name, figure)| (name, figure.to_string()));
     // A disk or pool that is full, or nobody of those who are to be recorded.

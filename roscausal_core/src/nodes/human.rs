@@ -215,14 +215,14 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
         let unreadable = || readers.iter().map(|(_, reader)| reader.unreadable()).sum::<u64>();
         let figures = || {
             [
-                ("out of order", tracker.late.to_string()),
-                ("no transform in time", tracker.without_transform.to_string()),
-                ("not finite", tracker.not_finite.to_string()),
-                ("without stamp", unstamped.to_string()),
+                (labels::LATE, tracker.late.to_string()),
+                (labels::NO_TRANSFORM, tracker.without_transform.to_string()),
+                (labels::NOT_FINITE, tracker.not_finite.to_string()),
+                (labels::UNSTAMPED, unstamped.to_string()),
                 ("seen twice at one stamp", tracker.repeated.to_string()),
                 (labels::NAMES, tracker.identities.names.reported()),
                 (labels::CHANGED, tracker.identities.changed()),
-                ("not readable", unreadable().to_string()),
+                (labels::UNREADABLE, unreadable().to_string()),
                 ("dropped", inbox.dropped().to_string()),
             ]
         };

@@ -67,6 +67,20 @@ pub mod labels {
     pub const FOLLOWS: &str = "rows in which the robot follows, of 100 in which both move";
     /// Before a topic: the longest time without messages of it.
     pub const SILENCE: &str = "most seconds without ";
+    /// How often a clock jumped.
+    pub const JUMPS: &str = "clock jumps";
+    /// Messages that were left out, by the reason.
+    pub const LOST: [&str; 8] =
+        [LATE, UNSTAMPED, NO_TRANSFORM, NOT_FINITE, UNREADABLE, TOO_LATE, FOREIGN, SIGNALS_UNREAD];
+    pub(super) const LATE: &str = "out of order";
+    pub(super) const UNSTAMPED: &str = "without stamp";
+    /// A transform that did not come.
+    pub const NO_TRANSFORM: &str = "no transform in time";
+    pub(super) const NOT_FINITE: &str = "not finite";
+    pub(super) const UNREADABLE: &str = "not readable";
+    pub(super) const TOO_LATE: &str = "too late";
+    pub(super) const FOREIGN: &str = "in another frame";
+    pub(super) const SIGNALS_UNREAD: &str = "messages of signals not read";
 }
 
 /// Expands `~` to the home folder.

@@ -9,7 +9,7 @@ use roscausal_msgs::{
     tf2_msgs::TFMessage,
 };
 
-use super::{health::Health, in_namespace, to_its_end};
+use super::{health::Health, in_namespace, labels, to_its_end};
 use crate::{
     Error, Result,
     inbox::{Inbox, Next},
@@ -177,12 +177,12 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
         let figures = || {
             [
                 ("poses without odometry", tracker.pairing.unpaired.to_string()),
-                ("out of order", tracker.pairing.late.to_string()),
+                (labels::LATE, tracker.pairing.late.to_string()),
                 ("twice at one stamp", tracker.pairing.repeated.to_string()),
-                ("without stamp", tracker.unstamped.to_string()),
-                ("no transform in time", tracker.without_transform.to_string()),
-                ("not finite", tracker.not_finite.to_string()),
-                ("clock jumps", tracker.jumps.to_string()),
+                (labels::UNSTAMPED, tracker.unstamped.to_string()),
+                (labels::NO_TRANSFORM, tracker.without_transform.to_string()),
+                (labels::NOT_FINITE, tracker.not_finite.to_string()),
+                (labels::JUMPS, tracker.jumps.to_string()),
                 ("dropped", inbox.dropped().to_string()),
             ]
         };

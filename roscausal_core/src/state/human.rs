@@ -14,6 +14,7 @@ use super::{
     identity::{Gates, Identities, Who},
     motion::Motion,
     robot::{TF_WAIT_S, Trouble, unknown},
+    scene::speed,
     tf::{TfBuffer, planar_pose},
 };
 
@@ -290,7 +291,7 @@ impl PeopleTracker {
         }
         let twist = sighting.twist.unwrap_or_else(|| {
             let twist = self.velocity(id, stamp, [pose2d.x, pose2d.y]);
-            if libm::hypot(twist.linear.x, twist.linear.y) > 0.05 {
+            if speed(&twist) > 0.05 {
                 pose2d.theta = libm::atan2(twist.linear.y, twist.linear.x);
             }
             twist

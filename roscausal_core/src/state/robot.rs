@@ -15,6 +15,7 @@ use super::{
     sync::Pairing,
     tf::{TfBuffer, planar_pose},
 };
+use crate::grammar::wrap;
 
 /// How long a pose waits for its transform, in seconds of stamps.
 pub(super) const TF_WAIT_S: f64 = 0.5;
@@ -221,7 +222,7 @@ impl RobotTracker {
         state.twist.linear.x = cos * dx + sin * dy;
         state.twist.linear.y = cos * dy - sin * dx;
         let turned = here.theta - there.theta;
-        state.twist.angular.z = libm::atan2(libm::sin(turned), libm::cos(turned)) / dt;
+        state.twist.angular.z = wrap(turned) / dt;
         Some(state)
     }
 

@@ -34,8 +34,16 @@ pub struct Pairing<A, B> {
 impl<A, B: Clone> Pairing<A, B> {
     /// Pairs that are at most `slop_s` seconds apart. At most `queue_size` messages of each topic wait.
     pub fn new(queue_size: usize, slop_s: f64) -> Self {
-        let (a, b, newest_a, unpaired, late, repeated) = Default::default();
-        Self { a, b, newest_a, queue_size: queue_size.max(1), slop_s, unpaired, late, repeated }
+        Self {
+            a: VecDeque::new(),
+            b: VecDeque::new(),
+            newest_a: None,
+            queue_size: queue_size.max(1),
+            slop_s,
+            unpaired: 0,
+            late: 0,
+            repeated: 0,
+        }
     }
 
     /// Adds a message of topic A and returns the pairs that it completes.

@@ -21,7 +21,10 @@ use crate::{
     },
     grammar::Parsed,
     memory::Memory,
-    state::human::{PeopleTracker, Sighting, walking},
+    state::{
+        human::{PeopleTracker, Sighting, walking},
+        identity::Who,
+    },
 };
 
 /// Somebody who never leaves a circle of this size stands still, metres.
@@ -190,7 +193,7 @@ impl Agent {
             (sighting.pose.position.x, sighting.pose.position.y) = (x, y);
             sighting.pose.orientation = Quaternion::from_yaw(sample.heading(scaled));
             sighting.twist = sample.velocity.map(|velocity| walking(scaled(velocity).into()));
-            tracker.message(stamp, vec![(crate::state::identity::Who::Number(id), sighting)]);
+            tracker.message(stamp, vec![(Who::Number(id), sighting)]);
             if let Some(state) = tracker.people(|_| None).humans.into_iter().next() {
                 track.insert(stamp.as_nanos(), recorder::values(&state.pose2d, &state.twist, &state.goal));
             }
