@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer, de::Error as _};
 
 use super::{EVIDENCE_SCHEMA, Evidence, LinkEvidence, VariableFacts};
 use crate::types::{
-    Error, Result,
+    Error, Result, ensure,
     text::{check_names, check_nesting, check_schema, is_share, quoted, reason_of},
 };
 
@@ -61,12 +61,10 @@ impl Evidence {
                 return Err(format!("links[{k}] has lag {lag}, which no analysis has"));
             }
             // Of 32 bits: a number of a file may be too large for them.
-            if link.scatter.iter().chain(&link.residuals).flatten().any(|value| !value.is_finite()) {
-                return Err(format!("links[{k}] has a point that is not finite"));
-            }
-            if link.lags.iter().any(|at| !is_share(at.p_value)) {
-                return Err(format!("links[{k}] has a p_value that is not a number from 0 to 1"));
-            }
+            let finite = link.scatter.iter().chain(&link.residuals).flatten().all(|value| value.is_finite());
+            ensure(finite, || format!("links[{k}] has a point that is not finite"))?;
+            let shares = link.lags.iter().all(|at| is_share(at.p_value));
+            ensure(shares, || format!("links[{k}] has a p_value that is not a number from 0 to 1"))?;
         }
         Ok(())
     }

@@ -84,9 +84,7 @@ impl PreparedTest for Prepared<'_> {
     fn run_test(&self, x: Node, y: Node, z: &[Node]) -> Result<TestResult> {
         let arrays = self.samples.arrays(x, y, z);
         let n = arrays.x.len();
-        if n == 0 {
-            return Err(Error::Data("gpdc-python has no complete sample; record more".into()));
-        }
+        Error::ensure_data(n > 0, || "gpdc-python has no complete sample; record more")?;
         let (value, p_value) = Python::attach(|py| -> Result<(f64, f64)> {
             let object = self.object(py, n)?;
             let numpy = py.import("numpy").map_err(failed)?;

@@ -60,9 +60,8 @@ impl Gsquared {
     /// A setting that is not allowed: there is no analytic confidence interval.
     pub fn new(settings: &TestSettings) -> Result<Self> {
         settings.check()?;
-        if settings.confidence == Some(Confidence::Analytic) {
-            return Err(Error::param("confidence", "gsquared has none from theory; choose 'bootstrap'"));
-        }
+        let reason = "gsquared has none from theory; choose 'bootstrap'";
+        Error::ensure(settings.confidence != Some(Confidence::Analytic), "confidence", || reason)?;
         let significance = settings.significance.unwrap_or(Significance::Analytic);
         Ok(Self { settings: settings.clone(), significance })
     }

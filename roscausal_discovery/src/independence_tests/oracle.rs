@@ -60,9 +60,8 @@ impl OracleCi {
         }
         let max_lag = parents.iter().flatten().map(|node: &Node| node.lag).max().unwrap_or(0);
         let oracle = Self { parents, children, max_lag };
-        if oracle.has_cycle() {
-            return Err(Error::param("truth", "the links at lag 0 have a cycle; a causal graph has none"));
-        }
+        let reason = "the links at lag 0 have a cycle; a causal graph has none";
+        Error::ensure(!oracle.has_cycle(), "truth", || reason)?;
         Ok(oracle)
     }
 

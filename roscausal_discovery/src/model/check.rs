@@ -12,7 +12,7 @@ use crate::{
     methods::Status,
     profile::DataProfile,
     types::{
-        Error, LinkEnd, LinkMark, Result,
+        Error, LinkEnd, LinkMark, Result, ensure,
         text::{check_names, check_nesting, check_schema, check_step, is_share, quoted, reason_of},
     },
 };
@@ -171,9 +171,8 @@ impl Model {
                 let what = if tested { "tested, and has no number" } else { "not tested, and has a number" };
                 return Err(format!("{} is {what}", name()));
             }
-            if *outcome == Outcome::Ended && self.graph[i][j][lag].is_link() {
-                return Err(format!("{} is a link that the time budget left untested", name()));
-            }
+            let left = *outcome == Outcome::Ended && self.graph[i][j][lag].is_link();
+            ensure(!left, || format!("{} is a link that the time budget left untested", name()))?;
         }
         Ok(())
     }
@@ -183,12 +182,11 @@ impl Model {
         for ([i, j, lag], mark) in cells(&self.graph) {
             let Some((left, right)) = mark.ends() else { continue };
             let link = || self.name_of(i, j, lag);
-            if lag < self.tau_min || (lag == 0 && i == j) {
-                return Err(format!("graph has a link {}, which cannot be", link()));
-            }
-            if lag > 0 && (right == LinkEnd::Tail || (left == LinkEnd::Head && right != LinkEnd::Head)) {
-                return Err(format!("graph has {mark} for {}: the effect comes before its cause", link()));
-            }
+            let can_be = lag >= self.tau_min && (lag > 0 || i != j);
+            ensure(can_be, || format!("graph has a link {}, which cannot be", link()))?;
+            let back =
+                lag > 0 && (right == LinkEnd::Tail || (left == LinkEnd::Head && right != LinkEnd::Head));
+            ensure(!back, || format!("graph has {mark} for {}: the effect comes before its cause", link()))?;
             if lag == 0 && self.graph[j][i][0] != mark.mirrored() {
                 let back = quoted(self.graph[j][i][0].symbol());
                 return Err(format!("graph has {mark} for {} and {back} the other way round", link()));
@@ -216,9 +214,7 @@ impl Model {
                 let (own, of_graph) = (quoted(link.mark.symbol()), quoted(mark.symbol()));
                 return Err(format!("links[{k}], {}, has the mark {own}, and graph has {of_graph}", name()));
             }
-            if !listed.insert(place) {
-                return Err(format!("links has {} twice", name()));
-            }
+            ensure(listed.insert(place), || format!("links has {} twice", name()))?;
             check_link(link).map_err(|reason| format!("links[{k}], {}: {reason}", name()))?;
             if link.value.is_some() != (self.outcomes[place.0][place.1][place.2] == Outcome::Tested) {
                 return Err(format!("links[{k}], {}, and outcomes differ on whether it was tested", name()));
@@ -257,20 +253,14 @@ impl Model {
             check_numbers(name, matrix.iter().flatten().flatten().copied(), A_SHARE, is_share)?;
         }
         let square = of.summary_frequency.len() == n && of.summary_frequency.iter().all(|row| row.len() == n);
-        if !square || of.summary_frequency.iter().flatten().any(|share| !is_share(*share)) {
-            return Err(format!("summary_frequency is not {n} x {n} numbers from 0 to 1"));
-        }
+        let shares = of.summary_frequency.iter().flatten().all(|share| is_share(*share));
+        ensure(square && shares, || format!("summary_frequency is not {n} x {n} numbers from 0 to 1"))?;
         sized(&of.majority_graph, [n, n, lags])
             .map_err(|size| format!("majority_graph is not of the size {size}"))?;
         let facts = &of.resampling;
-        if facts.done > facts.asked
-            || !is_share(facts.level)
-            || facts.share.is_some_and(|share| !is_share(share))
-        {
-            return Err(
-                "resampling has more resamples done than asked for, or a share that is not 0 to 1".into()
-            );
-        }
+        let shares = is_share(facts.level) && facts.share.is_none_or(is_share);
+        let reason = "resampling has more resamples done than asked for, or a share that is not 0 to 1";
+        ensure(facts.done <= facts.asked && shares, || reason)?;
         for advice in &of.advice {
             let [cause, effect] = [&advice.cause, &advice.effect];
             if let Some(name) = [cause, effect].into_iter().find(|name| !self.features.contains(name)) {
@@ -291,17 +281,15 @@ impl Model {
 
 fn check_link(link: &Link) -> Checked {
     let sizes = link.size.map(|LinkSize { step, change, low, high }| [step, change, low, high]);
-    if link.value.is_some() != link.p_value.is_some() {
-        return Err("value and p_value are both there, or both null".into());
-    }
+    ensure(
+        link.value.is_some() == link.p_value.is_some(),
+        || "value and p_value are both there, or both null",
+    )?;
     let numbers = [link.value, link.value_low, link.value_high, link.since].into_iter().flatten();
-    if numbers.chain(sizes.into_iter().flatten()).any(|number| !number.is_finite()) {
-        return Err("a number is not finite".into());
-    }
-    if [link.p_value, link.confidence, link.chance].into_iter().flatten().any(|share| !is_share(share)) {
-        return Err("p_value, confidence and chance are numbers from 0 to 1".into());
-    }
-    Ok(())
+    let finite = numbers.chain(sizes.into_iter().flatten()).all(f64::is_finite);
+    ensure(finite, || "a number is not finite")?;
+    let mut shares = [link.p_value, link.confidence, link.chance].into_iter().flatten();
+    ensure(shares.all(is_share), || "p_value, confidence and chance are numbers from 0 to 1".into())
 }
 
 /// Whether a matrix has this size; else the size as text.

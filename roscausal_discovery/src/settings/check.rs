@@ -72,10 +72,9 @@ impl Settings {
     /// p-value is below `1 / (n + 1)`, and nothing would be found.
     fn check_shuffles(&self) -> Result<()> {
         let how = self.test.significance;
-        if self.test.null_distributions.is_some() && how.is_some_and(|how| how != Significance::Analytic) {
-            let reason = "the significance that is asked for takes none; give analytic, or leave it out";
-            return Err(Error::param("null_dist", reason));
-        }
+        let free = self.test.null_distributions.is_none();
+        let reason = "the significance that is asked for takes none; give analytic, or leave it out";
+        Error::ensure(free || how.is_none_or(|how| how == Significance::Analytic), "null_dist", || reason)?;
         let Some(shuffles) = self.test.sig_samples.filter(|_| how != Some(Significance::Analytic)) else {
             return Ok(());
         };

@@ -38,6 +38,15 @@ fn plain(sentence: &str) -> String {
 /// Result with this crate's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
+/// Refuses that for which something does not hold.
+///
+/// # Errors
+/// It does not.
+#[doc(hidden)]
+pub fn ensure<E>(holds: bool, fault: impl FnOnce() -> E) -> std::result::Result<(), E> {
+    if holds { Ok(()) } else { Err(fault()) }
+}
+
 impl Error {
     /// The [`Error::Param`] of a word that is none of those `allowed`; it names the nearest one.
     pub fn unknown(name: &str, value: &str, allowed: &[&str]) -> Self {
@@ -59,7 +68,7 @@ impl Error {
     /// # Errors
     /// It does not.
     pub fn ensure<R: Display>(holds: bool, name: &str, reason: impl FnOnce() -> R) -> Result<()> {
-        if holds { Ok(()) } else { Err(Self::param(name, reason())) }
+        ensure(holds, || Self::param(name, reason()))
     }
 
     /// Refuses data for which something does not hold.
@@ -67,7 +76,7 @@ impl Error {
     /// # Errors
     /// It does not.
     pub fn ensure_data<R: Display>(holds: bool, reason: impl FnOnce() -> R) -> Result<()> {
-        if holds { Ok(()) } else { Err(Self::Data(reason().to_string())) }
+        ensure(holds, || Self::Data(reason().to_string()))
     }
 
     /// An [`Error::Param`] from any displayable reason.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     common::add_new,
-    error::{Error, Result},
+    error::{Error, Result, ensure},
     links::{Assumption, LinkAssumptions, circle_of},
     names::{nearest, plain, position},
     text::{quoted, short},
@@ -104,11 +104,9 @@ impl LinkAssumptions {
                     }
                 }
             }
-            if !fits {
-                let reason =
-                    "a variable does not drive itself at lag 0; give lags from 1 on, or leave the rule out";
-                return Err(rule.fault(reason));
-            }
+            let reason =
+                "a variable does not drive itself at lag 0; give lags from 1 on, or leave the rule out";
+            ensure(fits, || rule.fault(reason))?;
         }
         let link = |(cause, effect, lag): Place| {
             format!("{} -> {} at lag {lag}", short(&plain(&names[cause])), short(&plain(&names[effect])))
@@ -252,9 +250,7 @@ impl LinkRule {
 
     fn lags(&self, [tau_min, tau_max]: [usize; 2]) -> Result<Vec<usize>> {
         let Some(given) = &self.lags else { return Ok((tau_min..=tau_max).collect()) };
-        if given.is_empty() {
-            return Err(self.fault("lags names none; give some, or leave it out for all"));
-        }
+        ensure(!given.is_empty(), || self.fault("lags names none; give some, or leave it out for all"))?;
         let mut lags = Vec::new();
         for &lag in given {
             let known = usize::try_from(lag).map_err(|_| {

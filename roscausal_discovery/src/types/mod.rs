@@ -30,7 +30,7 @@ pub use components::{VectorNames, vectors_of};
 pub use cond_ind_test::{CondIndTest, Dummy, PreparedTest, SampleCount, TestResult};
 pub use control::{Control, Progress, Stop};
 pub use dataframe::{DataFrame, MaskType};
-pub use error::{Error, Result};
+pub use error::{Error, Result, ensure};
 pub use knowledge::{Known, LinkRule};
 pub use links::{Assumption, LinkAssumptions};
 #[doc(hidden)]

@@ -82,9 +82,8 @@ impl CmiKnn {
         let significance = settings.significance.unwrap_or(Significance::ShuffleTest);
         let reason = "cmiknn has no analytic one; choose 'shuffle_test' or 'fixed_thres'";
         Error::ensure(significance != Significance::Analytic, "significance", || reason)?;
-        if settings.confidence == Some(Confidence::Analytic) {
-            return Err(Error::param("confidence", "cmiknn has none from theory; choose 'bootstrap'"));
-        }
+        let reason = "cmiknn has none from theory; choose 'bootstrap'";
+        Error::ensure(settings.confidence != Some(Confidence::Analytic), "confidence", || reason)?;
         let knn = settings.knn;
         Error::ensure(knn > 0.0 && knn.is_finite(), "knn", || {
             format!("{knn} must be a number of neighbours, or a fraction of the samples below 1")

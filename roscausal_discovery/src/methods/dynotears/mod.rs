@@ -101,12 +101,9 @@ pub fn run_dynotears(
 ) -> Result<DynotearsResult> {
     settings.check(data.n_vars())?;
     let rows = complete_rows(data, settings.tau_max, control)?;
-    if rows.len() < 2 {
-        let (rows, tau_max) = (rows.len(), Named("tau_max"));
-        return Err(Error::Data(format!(
-            "{rows} complete samples are too few: record longer, or lower {tau_max}"
-        )));
-    }
+    Error::ensure_data(rows.len() >= 2, || {
+        format!("{} complete samples are too few: record longer, or lower {}", rows.len(), Named("tau_max"))
+    })?;
     let problem = Problem::new(&rows, settings);
     let mut result = problem.result(&problem.solve(settings, control)?, &rows, settings);
     result.links.remarks = remarks(&rows, &result, settings);

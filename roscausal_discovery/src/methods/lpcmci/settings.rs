@@ -54,9 +54,8 @@ impl LpcmciSettings {
         let level = self.pc_alpha;
         let fits = level > 0.0 && (level < 1.0 || test.decides_by_value() && level.is_finite());
         Error::ensure(fits, "pc_alpha", || format!("{level} is not between 0 and 1"))?;
-        if self.contexts.iter().any(|&(variable, context)| variable.max(context) >= data.n_vars()) {
-            return Err(Error::param("contexts", "an intervened variable or its context is not a column"));
-        }
+        let known = self.contexts.iter().all(|&(variable, context)| variable.max(context) < data.n_vars());
+        Error::ensure(known, "contexts", || "an intervened variable or its context is not a column")?;
         self.link_assumptions
             .as_ref()
             .map_or(Ok(()), |links| links.check(data.n_vars(), self.tau_min, self.tau_max))
