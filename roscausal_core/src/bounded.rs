@@ -5,7 +5,7 @@ use std::{fs::File, io::Read, path::Path};
 use roscausal_discovery::text::check_nesting;
 use serde::de::DeserializeOwned;
 
-use crate::{Error, Result};
+use crate::{Error, Result, ensure};
 
 /// Most bytes of a file of settings, or of what is known of links.
 pub const SETTINGS: u64 = 1 << 20;
@@ -20,16 +20,12 @@ pub const MODEL: u64 = 512 << 20;
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let is_of_shell = path.starts_with("/dev/fd") || path.starts_with("/proc/self/fd");
-    if !is_of_shell && path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir()) {
-        return Err(Error::file(path, "not an ordinary file; give one"));
-    }
+    let is_other = !is_of_shell && path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
+    ensure(!is_other, || Error::file(path, "not an ordinary file; give one"))?;
     let file = File::open(path).map_err(|e| Error::file(path, e))?;
     file.take(most + 1).read_to_end(&mut bytes).map_err(|e| Error::file(path, e))?;
-    if bytes.len() as u64 > most {
-        let reason =
-            format!("the file is larger than {} MB, which no such file is; give another", most >> 20);
-        return Err(Error::file(path, reason));
-    }
+    let large = || format!("the file is larger than {} MB, which no such file is; give another", most >> 20);
+    ensure(bytes.len() as u64 <= most, || Error::file(path, large()))?;
     Ok(bytes)
 }
 

@@ -2,7 +2,7 @@
 
 use std::{fmt, io::Write, path::PathBuf};
 
-use roscausal_discovery::{settings::setting, spelled_out, visible};
+use roscausal_discovery::{ensure, settings::setting, spelled_out, visible};
 
 /// What went wrong, where, and what to do about it: each message is one sentence for the user.
 /// `{}` writes settings as the nodes' parameters are called, `{:#}` leaves them for [`spelled_out`].
@@ -101,7 +101,7 @@ impl Error {
     /// # Errors
     /// It does not.
     pub fn ensure<R: fmt::Display>(holds: bool, name: &str, reason: impl FnOnce() -> R) -> Result<()> {
-        if holds { Ok(()) } else { Err(Self::param(name, reason())) }
+        ensure(holds, || Self::param(name, reason()))
     }
 
     /// Refuses data for which something does not hold.
@@ -109,7 +109,7 @@ impl Error {
     /// # Errors
     /// It does not.
     pub fn ensure_data<R: fmt::Display>(holds: bool, reason: impl FnOnce() -> R) -> Result<()> {
-        if holds { Ok(()) } else { Err(Self::Data(reason().to_string())) }
+        ensure(holds, || Self::Data(reason().to_string()))
     }
 
     /// An [`Error::Param`] from any displayable reason.

@@ -156,9 +156,7 @@ pub(crate) trait Language {
     /// `-a ^ b` is `-(a ^ b)`, `a ^ -b` is allowed.
     fn signed(&mut self, text: &mut Scanner<'_>) -> Parsed<Self::Node> {
         text.depth += 1;
-        if text.depth > DEEPEST {
-            return Err(text.fault("too many brackets within brackets"));
-        }
+        crate::ensure(text.depth <= DEEPEST, || text.fault("too many brackets within brackets"))?;
         let node = if text.word("-") {
             Self::negative(self.signed(text)?)
         } else {

@@ -42,7 +42,7 @@ use crate::{
         Table,
         table::{Note, Reading},
     },
-    bounded,
+    bounded, ensure,
     gate::lock,
 };
 
@@ -162,9 +162,7 @@ impl House {
         tables.retain(|path| path.extension().is_some_and(|end| end == "csv"));
         // Day 10 comes after day 9.
         tables.sort_by_key(|path| padded(&path.to_string_lossy()));
-        if tables.is_empty() {
-            return Err(Error::file(&self.days, "it has no table of a day (*.csv)"));
-        }
+        ensure(!tables.is_empty(), || Error::file(&self.days, "it has no table of a day (*.csv)"))?;
         let changed = |path: &PathBuf| {
             path.metadata().and_then(|data| data.modified()).unwrap_or(SystemTime::UNIX_EPOCH)
         };
@@ -214,13 +212,10 @@ pub fn known(map: &Map, model: &Path, tables: &[PathBuf], target: &str) -> Resul
 fn days(map: &Map, graph: &Graph, tables: &[PathBuf], target: &str) -> Result<Days> {
     let mut names = graph.names().to_vec();
     for name in [HOUR, target] {
-        if !names.iter().any(|one| one == name) || target == HOUR {
-            let reason = format!(
-                "the model has no variable '{name}' that is counted at an {HOUR}: {}",
-                names.join(", ")
-            );
-            return Err(Error::Data(reason));
-        }
+        let counted = target != HOUR && names.iter().any(|one| one == name);
+        Error::ensure_data(counted, || {
+            format!("the model has no variable '{name}' that is counted at an {HOUR}: {}", names.join(", "))
+        })?;
     }
     let wide = names.len();
     names.extend(FARED.into_iter().chain([PLACE]).map(str::to_owned));

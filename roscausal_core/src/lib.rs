@@ -26,5 +26,5 @@ pub mod threads;
 pub use error::{Error, Result, spell_out_panics};
 pub use roscausal_discovery::visible;
 #[doc(hidden)]
-pub use roscausal_discovery::{mix, with_defaults};
+pub use roscausal_discovery::{ensure, mix, with_defaults};
 pub use roscausal_msgs::{Message, Time};

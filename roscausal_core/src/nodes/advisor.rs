@@ -144,10 +144,9 @@ impl Advice {
         let speeds: Vec<f64> =
             params.list("speeds").iter().map(|text| number("speeds", text)).collect::<Result<_>>()?;
         let limits = Limits::read(params)?;
-        if speeds.is_empty() || !speeds.iter().all(|speed| limits.allow(*speed)) {
-            let reason = "give speeds above 0, and none above top_speed: a limit never raises the planner's";
-            return Err(Error::param("speeds", reason));
-        }
+        let allowed = !speeds.is_empty() && speeds.iter().all(|speed| limits.allow(*speed));
+        let reason = "give speeds above 0, and none above top_speed: a limit never raises the planner's";
+        Error::ensure(allowed, "speeds", || reason)?;
         let patience = params.double("patience");
         let action = |speed: &f64| {
             let (variable, kind) = (params.text("variable"), Intervention::SET);

@@ -211,11 +211,9 @@ impl DiscoveryParams {
         let reason = "external methods are not resampled; set it to 0";
         Error::ensure(resampling.is_none() || program.is_none(), "resamples", || reason)?;
         let rolling = rolling_of(params);
-        if !request.vectors.is_empty() && (program.is_some() || rolling.is_some()) {
-            let reason =
-                "external methods, windows and changes take each column for a variable; leave it empty";
-            return Err(Error::param("vectors", reason));
-        }
+        let reason = "external methods, windows and changes take each column for a variable; leave it empty";
+        let by_column = program.is_some() || rolling.is_some();
+        Error::ensure(request.vectors.is_empty() || !by_column, "vectors", || reason)?;
         if rolling.is_some() && params.count("batches_per_model") > 1 {
             let reason = "with window_batches or detect_changes each batch gives a model; set it to 1";
             return Err(Error::param("batches_per_model", reason));

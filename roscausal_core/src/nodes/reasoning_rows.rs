@@ -10,7 +10,7 @@ use roscausal_discovery::{DataFrame, names};
 use roscausal_msgs::{Features, Time};
 use roscausal_reasoning::answer::Status;
 
-use crate::{Error, Result, batch::Table, grammar::Parsed};
+use crate::{Error, Result, batch::Table, ensure, grammar::Parsed};
 
 /// Most columns that are kept.
 const MOST_COLUMNS: usize = 256;
@@ -75,10 +75,8 @@ impl Rows {
     /// Adds the rows of a batch, as a recording of its own.
     pub(super) fn add_file(&mut self, path: &Path) -> Result<()> {
         let table = Table::read(path, None)?;
-        let Some(times) = &table.time else {
-            let reason = "it has no column of times, which a batch has; leave it out of 'data'";
-            return Err(Error::file(path, reason));
-        };
+        let reason = "it has no column of times, which a batch has; leave it out of 'data'";
+        let times = table.time.as_ref().ok_or_else(|| Error::file(path, reason))?;
         self.segment += 1;
         for (t, row) in times.iter().zip(table.values.outer_iter()) {
             let stamp = Time::from_secs_f64(*t);
@@ -93,10 +91,8 @@ impl Rows {
     /// # Errors
     /// A message that is none, in words.
     pub(super) fn add(&mut self, features: &Features) -> Parsed<bool> {
-        if features.names.len() != features.values.len() {
-            let (names, values) = (features.names.len(), features.values.len());
-            return Err(format!("a message with {names} names and {values} values is left out"));
-        }
+        let (names, values) = (features.names.len(), features.values.len());
+        ensure(names == values, || format!("a message with {names} names and {values} values is left out"))?;
         self.push(features.header.stamp, &features.names, &features.values)
     }
 
@@ -220,10 +216,8 @@ impl Rows {
     /// No such row, in words.
     pub(super) fn at(&self, variables: &[String], stamp: Option<Time>) -> Answerable<Moment> {
         let columns = self.columns_of(variables).map_err(|reason| (Status::NoModel, reason))?;
-        let Some(newest) = self.rows.back() else {
-            let reason = "there are no rows yet; the data node publishes them on /roscausal/features";
-            return Err((Status::NoData, reason.into()));
-        };
+        let reason = "there are no rows yet; the data node publishes them on /roscausal/features";
+        let newest = self.rows.back().ok_or_else(|| (Status::NoData, reason.to_owned()))?;
         let step = self.step_ns.unwrap_or(0);
         let (row, last) = match stamp {
             None => (newest, self.rows.len() - 1),

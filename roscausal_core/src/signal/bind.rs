@@ -7,7 +7,7 @@ use roscausal_msgs::{
 
 use super::parse::{Node, Of, Signal};
 use crate::grammar::{FUNCTIONS, Operator, wrap};
-use crate::params::nearest;
+use crate::{ensure, params::nearest};
 
 /// What an expression is computed from: a message, and when it was stamped and arrived.
 pub(super) struct Scope<'a> {
@@ -64,9 +64,7 @@ impl Signal {
         let binder = Binder { schema, signal: self };
         let root = binder.part(&self.root)?;
         let only = self.only.as_ref().map(|only| binder.number(only)).transpose()?;
-        if is_text(&root) {
-            return Err(format!("{} is a text; compare it: == \"...\"", self.text));
-        }
+        ensure(!is_text(&root), || format!("{} is a text; compare it: == \"...\"", self.text))?;
         Ok(Bound { root, only, memories: vec![None; self.memories] })
     }
 }
@@ -110,11 +108,9 @@ impl Binder<'_> {
             Node::Pair(smaller, a, b) => Part::Pair(*smaller, boxed(a)?, boxed(b)?),
             Node::Binary(operator, a, b) => {
                 let (a, b) = (self.part(a)?, self.part(b)?);
-                if is_text(&a) != is_text(&b)
-                    || (is_text(&a) && !matches!(operator, Operator::Equal | Operator::Unequal))
-                {
-                    return Err("a text goes with == and != and another text only".into());
-                }
+                let compared = matches!(operator, Operator::Equal | Operator::Unequal);
+                let fits = is_text(&a) == is_text(&b) && (compared || !is_text(&a));
+                ensure(fits, || "a text goes with == and != and another text only")?;
                 Part::Binary(*operator, Box::new(a), Box::new(b))
             }
         })
@@ -170,9 +166,7 @@ impl Binder<'_> {
                 .ok_or_else(|| format!("{}.{path} is not a vector: it has no x and y", self.signal.topic)),
             _ => {
                 let query = self.schema.query(path).map_err(|error| self.reported(path, &error))?;
-                if query.is_text() {
-                    return Err(format!("{}.{path} is a text", self.signal.topic));
-                }
+                ensure(!query.is_text(), || format!("{}.{path} is a text", self.signal.topic))?;
                 Ok(Part::Of(of, query))
             }
         }

@@ -4,7 +4,7 @@ use roscausal_msgs::dynamic::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Error, Result,
+    Error, Result, ensure,
     grammar::{FUNCTIONS, Language, Operator, Parsed, Scanner, rejoined},
     middleware::is_token,
     params::nearest,
@@ -184,9 +184,8 @@ impl Fields {
             let inner = self.counted(text)?;
             text.expect(",")?;
             let seconds = text.number()?;
-            if !(seconds > 0.0 && seconds <= LONGEST_HOLD_S) {
-                return Err("hold(..., seconds) takes more than 0 and at most 1e9 seconds".into());
-            }
+            let reason = "hold(..., seconds) takes more than 0 and at most 1e9 seconds";
+            ensure(seconds > 0.0 && seconds <= LONGEST_HOLD_S, || reason)?;
             text.expect(")")?;
             (inner, How::Hold(seconds))
         } else if text.word("linear(") {
@@ -229,17 +228,13 @@ impl Fields {
         if name == "pi" {
             return Ok(Node::Number(std::f64::consts::PI));
         }
-        if !text.word("(") {
-            let reason = "a topic begins with '/', such as /cmd_vel.linear.x; a function is followed by '('";
-            return Err(text.fault_at(begin, reason));
-        }
+        let reason = "a topic begins with '/', such as /cmd_vel.linear.x; a function is followed by '('";
+        ensure(text.word("("), || text.fault_at(begin, reason))?;
         let node = match name {
             "true" | "false" => return Err(text.fault("write 1 or 0")),
             "hz" | "delay" => {
                 let path = self.path(text)?;
-                if !path.0.is_empty() {
-                    return Err(format!("{name}() takes a topic without a field"));
-                }
+                ensure(path.0.is_empty(), || format!("{name}() takes a topic without a field"))?;
                 if name == "hz" { Node::Hertz(self.memory()) } else { Node::Delay }
             }
             "rate" => {
@@ -285,14 +280,11 @@ impl Fields {
 
     /// `/topic.field.field`. The path is empty for a topic alone.
     fn path(&mut self, text: &mut Scanner<'_>) -> Parsed<Path> {
-        if text.next() != Some('/') {
-            return Err(text.fault("a topic is missing; it begins with '/'"));
-        }
+        ensure(text.next() == Some('/'), || text.fault("a topic is missing; it begins with '/'"))?;
         let begin = text.at;
         let topic = text.while_is(|c| c.is_ascii_alphanumeric() || "/_".contains(c)).to_owned();
-        if !topic.split('/').skip(1).all(is_token) {
-            return Err(text.fault_at(begin, &format!("'{topic}' is not a valid topic name")));
-        }
+        let legal = topic.split('/').skip(1).all(is_token);
+        ensure(legal, || text.fault_at(begin, &format!("'{topic}' is not a valid topic name")))?;
         match &self.topic {
             Some(other) if *other != topic => {
                 return Err(format!(
