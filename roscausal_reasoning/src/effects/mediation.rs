@@ -152,11 +152,9 @@ pub(super) fn columns_for(
     Error::ensure_data(graph.pairs().is_empty(), || reason)?;
     let columns = Columns::new(samples, graph, variables, horizon);
     let most = variables.iter().map(|&var| graph.parents(var).len()).max().unwrap_or(0);
-    if !variables.is_empty() && columns.products.n < most + 2 {
-        let rows = columns.products.n;
-        let reason =
-            format!("{rows} complete rows are too few for equations of {most} parents; record longer");
-        return Err(Error::Data(reason));
-    }
+    let rows = columns.products.n;
+    Error::ensure_data(variables.is_empty() || rows >= most + 2, || {
+        format!("{rows} complete rows are too few for equations of {most} parents; record longer")
+    })?;
     Ok(columns)
 }

@@ -3,7 +3,7 @@
 
 use ndarray::Array2;
 use roscausal_discovery::{
-    Error, LinkMark, Result,
+    Error, LinkMark, Result, ensure,
     text::{check_nesting, check_step, is_share, quoted, reason_of},
 };
 use serde::{Deserialize, Serialize};
@@ -64,23 +64,20 @@ impl File {
     fn check(&self) -> std::result::Result<(), String> {
         check_step(self.facts.dt).map_err(|error| error.to_string())?;
         let n = self.variables.len();
-        if self.rows.iter().all(Vec::is_empty) || self.rows.last().is_some_and(Vec::is_empty) {
-            return Err("it has no rows at its end".into());
-        }
+        ensure(self.rows.last().is_some_and(|rows| !rows.is_empty()), || "it has no rows at its end")?;
         if let Some((cause, effect, ..)) = self.facts.p_values.iter().find(|fact| !is_share(fact.3)) {
             return Err(format!("the p-value of {} -> {} is not 0 to 1", quoted(cause), quoted(effect)));
         }
         for member in &self.members {
             let processes = member.equations.iter().filter_map(|equation| equation.process);
-            if processes.into_iter().any(|(scale, noise)| !(scale > 0.0 && noise >= 0.0)) {
-                return Err("an equation has a length scale that is not above 0, or a noise below 0".into());
-            }
+            let fit = processes.into_iter().all(|(scale, noise)| scale > 0.0 && noise >= 0.0);
+            ensure(fit, || "an equation has a length scale that is not above 0, or a noise below 0")?;
             let Some(quality) = &member.quality else { continue };
             let skills = quality.skill_over_persistence.iter().chain(&quality.skill_over_var).map(Vec::len);
             let rows = skills.chain(quality.widening.iter().map(Vec::len)).chain([quality.coverage.len()]);
-            if rows.into_iter().any(|length| length != n) {
-                return Err(format!("its quality is not of {n} variables"));
-            }
+            ensure(rows.into_iter().all(|length| length == n), || {
+                format!("its quality is not of {n} variables")
+            })?;
         }
         Ok(())
     }
@@ -135,10 +132,8 @@ impl StructuralModel {
         };
         check_nesting(text.as_bytes()).map_err(|e| broken(&e))?;
         let head: Head = serde_json::from_str(text).map_err(|e| broken(&reason_of(e)))?;
-        if head.schema != SCHEMA {
-            let schema = quoted(&head.schema);
-            return Err(broken(&format!("its schema is {schema}; fit it anew with this version")));
-        }
+        let other = || format!("its schema is {}; fit it anew with this version", quoted(&head.schema));
+        ensure(head.schema == SCHEMA, || broken(&other()))?;
         let file: File = serde_json::from_str(text).map_err(|e| broken(&reason_of(e)))?;
         file.check().map_err(|reason| broken(&reason))?;
         let n = file.variables.len();

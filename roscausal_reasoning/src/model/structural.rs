@@ -149,10 +149,9 @@ impl StructuralModel {
     ) -> Result<Self> {
         settings.check()?;
         let orientations = graph.orientations()?;
-        if orientations.len() != kept.len() || kept.iter().any(|(known, _)| known.len() != graph.len()) {
-            let reason = "the structural model's equations do not match its graph; fit it anew";
-            return Err(Error::Data(reason.into()));
-        }
+        let fit = kept.iter().all(|(known, _)| known.len() == graph.len());
+        let reason = "the structural model's equations do not match its graph; fit it anew";
+        Error::ensure_data(fit && orientations.len() == kept.len(), || reason)?;
         let member = |(one, (known, quality)): (Orientation, (Vec<_>, _))| {
             let Orientation { graph, turned, against_the_rule } = one;
             let model = Directed::fit(&samples, &graph, &settings, Some(&known))?;

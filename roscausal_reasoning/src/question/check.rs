@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use roscausal_discovery::names;
+use roscausal_discovery::{ensure, names};
 
 use super::{
     Action, CostTerm, GO_ON, Intervention, Kind, LONGEST_HORIZON, Limit, MOST_ACTIONS, MOST_NUMBERS, WhatIf,
@@ -51,17 +51,15 @@ impl WhatIf {
     /// Checks the question for a model of these variables, that may stand for so many `graphs` with so many `refits` each.
     pub(crate) fn checked(&self, all: &[String], graphs: usize, refits: usize) -> Checked<Asked> {
         let (horizon, actions, paths) = (self.horizon, self.actions.len(), self.paths);
-        if !(1..=LONGEST_HORIZON).contains(&horizon) {
-            return Err(format!(
-                "a horizon of {horizon} steps is not answered; ask for 1 to {LONGEST_HORIZON}"
-            ));
-        }
+        ensure((1..=LONGEST_HORIZON).contains(&horizon), || {
+            format!("a horizon of {horizon} steps is not answered; ask for 1 to {LONGEST_HORIZON}")
+        })?;
         if actions > MOST_ACTIONS {
             return Err(format!("{actions} actions are too many at once; ask for at most {MOST_ACTIONS}"));
         }
-        if !(20..=100_000).contains(&paths) {
-            return Err(format!("{paths} paths are not simulated; take 20 to 100000"));
-        }
+        ensure((20..=100_000).contains(&paths), || {
+            format!("{paths} paths are not simulated; take 20 to 100000")
+        })?;
         self.has_room(all.len(), graphs, refits)?;
         let go_on = [Action::go_on()];
         let asked = if self.actions.is_empty() { &go_on[..] } else { &self.actions };
@@ -95,13 +93,12 @@ impl WhatIf {
         // A path has a number for each variable, and one for where it leaves what was seen.
         let cells = actions.saturating_mul(steps).saturating_mul(variables.saturating_add(1));
         let numbers = cells.saturating_mul(paths.saturating_mul(graphs).saturating_add(BESIDE));
-        if numbers <= MOST_NUMBERS {
-            return Ok(());
-        }
-        Err(format!(
-            "actions x steps x paths x variables x graphs = {asked} x {steps} x {paths} x {variables} x {graphs} need too much memory; \
-             ask for fewer actions, steps or paths"
-        ))
+        ensure(numbers <= MOST_NUMBERS, || {
+            format!(
+                "actions x steps x paths x variables x graphs = {asked} x {steps} x {paths} x {variables} x {graphs} need too much memory; \
+                 ask for fewer actions, steps or paths"
+            )
+        })
     }
 }
 
@@ -110,14 +107,12 @@ impl Limit {
         let Self { variable: name, above, below, probability } = self;
         let (var, is_open) = (variable(all, name)?, above.is_none() && below.is_none());
         let (above, below) = (above.unwrap_or(f64::NEG_INFINITY), below.unwrap_or(f64::INFINITY));
-        if above.is_nan() || below.is_nan() || is_open {
-            return Err(format!(
-                "the limit of {name} has no bound; give one above or below which it is to stay"
-            ));
-        }
-        if above >= below {
-            return Err(format!("nothing is above {above} and below {below}; mend the limit of {name}"));
-        }
+        ensure(!(above.is_nan() || below.is_nan() || is_open), || {
+            format!("the limit of {name} has no bound; give one above or below which it is to stay")
+        })?;
+        ensure(above < below, || {
+            format!("nothing is above {above} and below {below}; mend the limit of {name}")
+        })?;
         if !(0.0..=1.0).contains(probability) {
             return Err(format!("the limit of {name} asks for a probability of {probability}; give 0 to 1"));
         }
@@ -145,9 +140,9 @@ impl Intervention {
         let (first, count) = (self.first_step, self.values.len());
         let last = if self.last_step == 0 { horizon } else { self.last_step };
         let whose = format!("action '{action}', {}", self.variable);
-        if first == 0 {
-            return Err(format!("{whose}: step 0 is now and cannot be changed; the next sample is step 1"));
-        }
+        ensure(first > 0, || {
+            format!("{whose}: step 0 is now and cannot be changed; the next sample is step 1")
+        })?;
         if last < first || last > horizon {
             return Err(format!("{whose}: steps {first}..{last} are not within 1..{horizon}, the horizon"));
         }
@@ -159,11 +154,9 @@ impl Intervention {
             return Err(format!("{whose}: {value} is not a value that can be set; give a finite number"));
         }
         for (step, &value) in (first..=last).zip(self.values.iter().cycle()) {
-            if schedule.touches(step - 1, var) {
-                return Err(format!(
-                    "{whose}: it is acted on twice at step {step}; set it or shift it, once"
-                ));
-            }
+            ensure(!schedule.touches(step - 1, var), || {
+                format!("{whose}: it is acted on twice at step {step}; set it or shift it, once")
+            })?;
             match self.kind {
                 Kind::Set => schedule.set(step - 1, var, value),
                 Kind::Shift => schedule.shift(step - 1, var, value),

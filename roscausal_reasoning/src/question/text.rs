@@ -1,5 +1,7 @@
 //! Actions and limits as a user types them.
 
+use roscausal_discovery::ensure;
+
 use super::{Action, GO_ON, Intervention, Kind, Limit};
 
 /// Reads an action: `stop: r_v=0@1..10`, `slow: r_v+=-0.3, h_v=0.5@2`, `ramp: r_v=0.6|0.4|0.2@1..3`, `go on`. A name, then what is set
@@ -48,9 +50,7 @@ fn intervention(text: &str) -> Result<Intervention, String> {
         },
         Some(Err(one)) => (step(one)?, step(one)?),
     };
-    if variable.is_empty() {
-        return Err(fault());
-    }
+    ensure(!variable.is_empty(), fault)?;
     let values = values.map_err(|_| fault())?;
     Ok(Intervention::new(kind, variable.to_owned(), values).during(first_step, last_step))
 }
@@ -68,9 +68,7 @@ pub fn parse_limit(text: &str) -> Result<Limit, String> {
     let (at, sign) = bound.char_indices().find(|(_, c)| matches!(c, '<' | '>')).ok_or_else(fault)?;
     let value: f64 = bound[at + 1..].trim().parse().map_err(|_| fault())?;
     let variable = bound[..at].trim().to_owned();
-    if variable.is_empty() {
-        return Err(fault());
-    }
+    ensure(!variable.is_empty(), fault)?;
     let (above, below) = if sign == '>' { (Some(value), None) } else { (None, Some(value)) };
     Ok(Limit { variable, above, below, probability })
 }

@@ -45,9 +45,9 @@ impl Map {
     /// No place or too many, a name that is used twice or is no name, an arc to no place, a place to which no way leads.
     pub fn new(places: Vec<Place>, arcs: &[[String; 2]]) -> Result<Self> {
         let n = places.len();
-        if n == 0 || n > MOST_PLACES {
-            return Err(Error::param("places", format!("{n} places; give 1 to {MOST_PLACES}")));
-        }
+        Error::ensure((1..=MOST_PLACES).contains(&n), "places", || {
+            format!("{n} places; give 1 to {MOST_PLACES}")
+        })?;
         let mut graph: UnGraph<(), f64> = UnGraph::default();
         let mut index = HashMap::new();
         for place in &places {
@@ -57,9 +57,8 @@ impl Map {
             Error::ensure(named && place.at.iter().all(|x| (-1e6..=1e6).contains(x)), "places", || {
                 format!("'{name}' needs letters, digits and '_' as its name, and a position in metres")
             })?;
-            if index.insert(place.name.as_str(), graph.add_node(())).is_some() {
-                return Err(Error::param("places", format!("there are two places '{}'", place.name)));
-            }
+            let known = index.insert(place.name.as_str(), graph.add_node(()));
+            Error::ensure(known.is_none(), "places", || format!("there are two places '{name}'"))?;
         }
         for ends in arcs {
             let find = |name: &String| {
@@ -72,9 +71,8 @@ impl Map {
             let [p, q] = [a, b].map(|end| places[end.index()].at);
             graph.update_edge(a, b, libm::hypot(p[0] - q[0], p[1] - q[1]));
         }
-        let Ok((pairs, before)) = floyd_warshall_path(&graph, |edge| *edge.weight()) else {
-            return Err(Error::param("arcs", "an arc is shorter than nothing"));
-        };
+        let found = floyd_warshall_path(&graph, |edge| *edge.weight());
+        let (pairs, before) = found.map_err(|_| Error::param("arcs", "an arc is shorter than nothing"))?;
         let length = |a: usize, b: usize| pairs[&(NodeIndex::new(a), NodeIndex::new(b))];
         if let Some(lost) = (0..n).find(|&b| length(0, b) == f64::MAX) {
             return Err(Error::param("arcs", format!("no way leads to '{}'", places[lost].name)));

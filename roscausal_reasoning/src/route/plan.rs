@@ -107,9 +107,8 @@ impl House<'_> {
         let cost = [trip.cost.waiting, trip.cost.person, trip.cost.percent, trip.cost.late];
         let numbers = [trip.hour, trip.horizon, trip.allowed.unwrap_or_default()];
         let counts = trip.now.unwrap_or_default();
-        if numbers.iter().chain(&cost).chain(counts).any(|number| !(0.0..=LONGEST).contains(number)) {
-            return Err(Error::param("trip", format!("a number is below 0, above {LONGEST} or none")));
-        }
+        let fit = numbers.iter().chain(&cost).chain(counts).all(|number| (0.0..=LONGEST).contains(number));
+        Error::ensure(fit, "trip", || format!("a number is below 0, above {LONGEST} or none"))?;
         let (given, n) = (counts.len(), self.map.places.len());
         Error::ensure(trip.now.is_none() || given == n, "now", || {
             format!("{given} counts for {n} places; give one for each, or none")
