@@ -3,7 +3,7 @@
 
 use std::{collections::BTreeMap, io::Read, path::Path};
 
-use roscausal_core::{Result, Time};
+use roscausal_core::{Result, Time, ensure};
 
 use crate::{
     source::{Contents, Format, Parsed, Piece, Span, find_laps, next_place, some_of},
@@ -42,9 +42,7 @@ impl Bag {
     fn read_index(&mut self) -> Parsed<()> {
         self.0.seek(MAGIC_LENGTH)?;
         let header = self.header()?;
-        if header.op() != Some(op::BAG_HEADER) {
-            return Err("the bag header is missing".into());
-        }
+        ensure(header.op() == Some(op::BAG_HEADER), || "the bag header is missing")?;
         let index = header.u64("index_pos").filter(|index| *index > 0).ok_or("it was never closed")?;
         if index > self.0.file.length {
             return Err(format!("the file ends at byte {} of {index} and more", self.0.file.length));
@@ -75,11 +73,9 @@ impl Bag {
                 _ => return Err(format!("an unexpected record before byte {}", self.0.file.offset)),
             }
         }
-        if connections.is_some_and(|count| count != found)
-            || chunks.is_some_and(|count| count as usize != pieces.len())
-        {
-            return Err("connections or chunks are missing from it".into());
-        }
+        let whole = connections.is_none_or(|count| count == found)
+            && chunks.is_none_or(|count| count as usize == pieces.len());
+        ensure(whole, || "connections or chunks are missing from it")?;
         self.0.count(counts);
         self.0.begin(pieces);
         Ok(())
@@ -120,9 +116,7 @@ impl Bag {
                         self.scan_chunk((offset, length), &header, scan);
                     }
                     self.0.seek(if whole { next } else { begin })?;
-                    if !whole {
-                        return Err(format!("it ends within the chunk at byte {offset}"));
-                    }
+                    ensure(whole, || format!("it ends within the chunk at byte {offset}"))?;
                 }
                 Some(op::CONNECTION) => {
                     let data = self.block()?;
@@ -130,9 +124,8 @@ impl Bag {
                 }
                 Some(_) => {
                     let length = u64::from(self.length()?);
-                    if length > self.0.file.left() {
-                        return Err(format!("it ends within the record at byte {offset}"));
-                    }
+                    let left = self.0.file.left();
+                    ensure(length <= left, || format!("it ends within the record at byte {offset}"))?;
                     self.0.seek(self.0.file.offset + length)?;
                 }
                 None => return Err(format!("there is no record at byte {offset}")),
@@ -261,9 +254,7 @@ impl Format for Bag {
     fn read(&mut self, piece: Piece, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
         self.0.seek(piece.offset)?;
         let header = self.header()?;
-        if header.op() != Some(op::CHUNK) {
-            return Err("there is no chunk".into());
-        }
+        ensure(header.op() == Some(op::CHUNK), || "there is no chunk")?;
         let length = u64::from(self.length()?);
         let (chunk, fault) = self.chunk(piece.offset, length, &header)?;
         let mut unknown = Ok(());

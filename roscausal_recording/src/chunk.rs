@@ -2,7 +2,7 @@
 
 use std::{borrow::Cow, io::Read};
 
-use roscausal_core::memory::Growth;
+use roscausal_core::{ensure, memory::Growth};
 
 use crate::source::Parsed;
 
@@ -48,9 +48,7 @@ impl<'a> Chunk<'a> {
         if self.size > growth.most(packed).min(LARGEST) {
             return Err(format!("it claims a size of {} bytes", self.size));
         }
-        if whole && self.data.len() as u64 != self.compressed_size {
-            return Err("it is shorter than it says".into());
-        }
+        ensure(!whole || packed == self.compressed_size, || "it is shorter than it says")?;
         let mut content = Vec::new();
         let limit = self.size + 1;
         let unpacked = match self.compression {
@@ -73,12 +71,9 @@ impl<'a> Chunk<'a> {
     }
 
     fn checked(&self, content: Cow<'a, [u8]>, whole: bool) -> Parsed<Cow<'a, [u8]>> {
-        if whole && content.len() as u64 != self.size {
-            return Err("it has not the size it should have".into());
-        }
-        if whole && self.crc != 0 && crc32fast::hash(&content) != self.crc {
-            return Err("its checksum is wrong".into());
-        }
+        ensure(!whole || content.len() as u64 == self.size, || "it has not the size it should have")?;
+        let sound = !whole || self.crc == 0 || crc32fast::hash(&content) == self.crc;
+        ensure(sound, || "its checksum is wrong")?;
         Ok(content)
     }
 }

@@ -4,7 +4,7 @@
 use std::{collections::HashMap, path::Path, sync::Arc};
 
 use mcap::records::{Channel, ChunkIndex, Record as McapRecord, Statistics, op};
-use roscausal_core::{Result, Time};
+use roscausal_core::{Result, Time, ensure};
 
 use crate::{
     chunk::{Chunk, records},
@@ -63,9 +63,7 @@ impl McapFile {
         let end: [u8; (FOOTER as usize) + mcap::MAGIC.len()] =
             self.contents.file.array().map_err(|error| error.to_string())?;
         let (record, magic) = end.split_at(FOOTER as usize);
-        if magic != mcap::MAGIC || record[0] != op::FOOTER {
-            return Err("it has no end record".into());
-        }
+        ensure(magic == mcap::MAGIC && record[0] == op::FOOTER, || "it has no end record")?;
         let McapRecord::Footer(place) = parse(op::FOOTER, &record[RECORD_HEADER as usize..])? else {
             return Err("it has no end record".into());
         };
@@ -81,9 +79,8 @@ impl McapFile {
         };
         self.contents.seek(place.summary_start)?;
         let bytes = self.contents.file.take(checked).map_err(|error| error.to_string())?;
-        if place.summary_crc != 0 && crc32fast::hash(&bytes) != place.summary_crc {
-            return Err("the checksum of its summary is wrong".into());
-        }
+        let sound = place.summary_crc == 0 || crc32fast::hash(&bytes) == place.summary_crc;
+        ensure(sound, || "the checksum of its summary is wrong")?;
         let bytes = &bytes[..usize::try_from(length).unwrap_or(0)];
         let mut summary = Summary::default();
         records(bytes, |opcode, body| summary.add(opcode, body))?;
@@ -197,9 +194,7 @@ impl McapFile {
                 0 => return Err(format!("there is no record at byte {offset}")),
                 _ => (),
             }
-            if !whole {
-                return Err(format!("it ends at byte {}, within a record", self.contents.file.length));
-            }
+            ensure(whole, || format!("it ends at byte {}, within a record", self.contents.file.length))?;
             self.contents.seek(begin + length)?;
         }
     }

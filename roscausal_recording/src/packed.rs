@@ -7,7 +7,7 @@ use std::{
 };
 
 use roscausal_core::{
-    Error, Result, Time,
+    Error, Result, Time, ensure,
     memory::{GROWTH, Growth, most_grown},
 };
 use tempfile::NamedTempFile;
@@ -64,9 +64,8 @@ impl Unpacked {
         let first = losses.len();
         let mut magic = [0; MAGIC.len()];
         let read = File::open(file.path()).and_then(|mut file| file.read_exact(&mut magic));
-        if read.is_ok() && magic == MAGIC {
-            return Err(Error::file(path, "it is compressed twice; unpack it with 'unzstd'"));
-        }
+        let is_packed = read.is_ok() && magic == MAGIC;
+        ensure(!is_packed, || Error::file(path, "it is compressed twice; unpack it with 'unzstd'"))?;
         let source = open(file.path(), losses).map_err(|error| match error {
             Error::File { reason, .. } => Error::file(path, names.reported(&reason)),
             other => other,
