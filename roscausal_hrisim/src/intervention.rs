@@ -7,6 +7,7 @@
 
 use std::{fmt, str::FromStr};
 
+use roscausal_core::ensure;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Vec2;
@@ -94,10 +95,8 @@ impl FromStr for Intervention {
     fn from_str(text: &str) -> Result<Self, String> {
         let bad = |why: &str| format!("intervention '{text}': {why}; {FORMS}");
         let (order, times) = text.split_once('@').map_or((text, "0.."), |(order, times)| (order, times));
-        let (name, value) = match order.split_once('=') {
-            Some((name, value)) => (name.trim(), Some(value.trim())),
-            None => (order.trim(), None),
-        };
+        let (name, value) = order.split_once('=').unzip();
+        let (name, value) = (name.unwrap_or(order).trim(), value.map(str::trim));
         let (subject, field) =
             name.rsplit_once('.').or_else(|| name.rsplit_once(' ')).ok_or_else(|| bad("no field"))?;
         let (subject, who) = match subject.split_once('[') {
@@ -128,12 +127,8 @@ impl FromStr for Intervention {
         let (start, end) = times.split_once("..").ok_or_else(|| bad("times are start..end"))?;
         let start = number(if start.trim().is_empty() { "0" } else { start }, "the start")?;
         let end = if end.trim().is_empty() { f64::INFINITY } else { number(end, "the end")? };
-        if start < 0.0 {
-            return Err(bad("the start is 0 or more seconds"));
-        }
-        if end <= start {
-            return Err(bad("the end comes after the start"));
-        }
+        ensure(start >= 0.0, || bad("the start is 0 or more seconds"))?;
+        ensure(end > start, || bad("the end comes after the start"))?;
         Ok(Self { target, who, start, end })
     }
 }

@@ -4,10 +4,9 @@ use roscausal_core::{Error, Result};
 
 /// Refuses a number of the field `name` outside of a range.
 pub(crate) fn number(name: &str, value: f64, low: f64, high: f64) -> Result<()> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(Error::param(name, format!("{value} is not allowed; use a number from {low} to {high}")))
+    Error::ensure((low..=high).contains(&value), name, || {
+        format!("{value} is not allowed; use a number from {low} to {high}")
+    })
 }
 
 /// The same for several fields below `at`: name, value, and both ends of the range.

@@ -269,13 +269,11 @@ impl Simulation {
     /// # Errors
     /// No person with that id, or a speed that is not finite.
     pub fn teleoperate(&mut self, id: u32, command: Option<Teleop>) -> Result<()> {
-        if command.is_some_and(|command| !command.v.is_finite() || !command.omega.is_finite()) {
-            return Err(Error::param("cmd_vel", "a speed is not a finite number"));
-        }
-        let Some(person) = self.people.iter_mut().find(|person| person.id == id) else {
-            return Err(Error::param("person", format!("nobody has the id {id}")));
-        };
-        person.teleop = command;
+        let finite = command.is_none_or(|command| command.v.is_finite() && command.omega.is_finite());
+        Error::ensure(finite, "cmd_vel", || "a speed is not a finite number")?;
+        let person = self.people.iter_mut().find(|person| person.id == id);
+        let unknown = || Error::param("person", format!("nobody has the id {id}"));
+        person.ok_or_else(unknown)?.teleop = command;
         Ok(())
     }
 

@@ -111,10 +111,8 @@ fn way(text: &str, simulation: &mut Simulation) -> Result<()> {
     let wait = words.next().and_then(|word| word.parse::<f64>().ok()).filter(|wait| *wait >= 0.0);
     let wait = wait.ok_or_else(|| bad(format!("'{text}' does not begin with the seconds to wait")))?;
     let places = words.map(|name| Ok(day.map.place(name)?)).collect::<Result<Vec<usize>>>()?;
-    if !day.decide(time + wait, &places) {
-        return Err(bad("it is no way from the robot to where it has to go, along arcs of the map".into()));
-    }
-    Ok(())
+    let reason = "it is no way from the robot to where it has to go, along arcs of the map";
+    Error::ensure(day.decide(time + wait, &places), "/hri/way", || reason)
 }
 
 fn imposed(text: &str, now: f64) -> Result<Intervention> {

@@ -67,22 +67,18 @@ roscausal_core::with_defaults! {
 impl Options {
     fn check(&self) -> Result<()> {
         match self.pace {
-            Pace::Times(factor) if !(0.01..=1000.0).contains(&factor) => {
-                let reason = format!("{factor} is not allowed; use 0.01 to 1000, or max");
-                return Err(Error::param("speed", reason));
+            Pace::Times(factor) => {
+                Error::ensure((0.01..=1000.0).contains(&factor), "speed", || {
+                    format!("{factor} is not allowed; use 0.01 to 1000, or max")
+                })?;
+                let reason = "other than real time needs /clock; switch `clock` on";
+                Error::ensure(factor == 1.0 || self.clock, "speed", || reason)?;
             }
-            Pace::Times(factor) if factor != 1.0 && !self.clock => {
-                return Err(Error::param("speed", "other than real time needs /clock; switch `clock` on"));
-            }
-            Pace::Max if !self.clock => {
-                return Err(Error::param("speed", "max needs /clock; switch `clock` on"));
-            }
-            _ => {}
+            Pace::Max => Error::ensure(self.clock, "speed", || "max needs /clock; switch `clock` on")?,
         }
-        if self.every == 0 || self.every > 250 {
-            return Err(Error::param("every", format!("{} is not allowed; use 1 to 250 steps", self.every)));
-        }
-        Ok(())
+        Error::ensure((1..=250).contains(&self.every), "every", || {
+            format!("{} is not allowed; use 1 to 250 steps", self.every)
+        })
     }
 }
 

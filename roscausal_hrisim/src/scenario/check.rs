@@ -59,18 +59,17 @@ impl Scenario {
     }
 
     fn check_people(&self, world: &World) -> Result<()> {
-        if self.people.is_empty() && self.pedestrians.count == 0 && self.day.is_none() {
-            let reason = "nobody to simulate; give at least one of [[people]], or pedestrians.count above 0";
-            return Err(Error::param("people", reason));
-        }
+        let somebody = !self.people.is_empty() || self.pedestrians.count > 0 || self.day.is_some();
+        let reason = "nobody to simulate; give at least one of [[people]], or pedestrians.count above 0";
+        Error::ensure(somebody, "people", || reason)?;
         count("people", self.people.len(), MAX_AGENTS)?;
         let mut ids = std::collections::BTreeSet::new();
         for (index, person) in self.people.iter().enumerate() {
             let at = format!("people[{index}]");
             let id = self.person_id(index);
-            if !ids.insert(id) {
-                return Err(Error::param(format!("{at}.id"), format!("{id} is another person's already")));
-            }
+            Error::ensure(ids.insert(id), &format!("{at}.id"), || {
+                format!("{id} is another person's already")
+            })?;
             Error::ensure(id >= 1000 || id as usize > self.pedestrians.count, &format!("{at}.id"), || {
                 format!("{id} is a pedestrian's; use 1000 or more")
             })?;
@@ -220,10 +219,7 @@ impl super::Noise {
 }
 
 fn count(name: &str, value: usize, most: usize) -> Result<()> {
-    if value <= most {
-        return Ok(());
-    }
-    Err(Error::param(name, format!("{value} are too many; use 0 to {most}")))
+    Error::ensure(value <= most, name, || format!("{value} are too many; use 0 to {most}"))
 }
 
 /// A position must be finite, free, and reachable from `from`. `arrival` is how close one has to come.
