@@ -7,7 +7,7 @@ use std::{
 };
 
 use dxr::{TryFromValue, Value as Xml};
-use roscausal_core::{Error, Result, params::Value};
+use roscausal_core::{Error, Result, ensure, params::Value};
 
 use super::xmlrpc::{CallError, call, decode, encode};
 
@@ -57,9 +57,7 @@ impl Master {
     pub(crate) fn wait(&self, keep_waiting: &dyn Fn() -> bool) -> Result<()> {
         let mut reported: Option<Instant> = None;
         while let Err(error) = self.ask::<Xml>("getPid", &[]) {
-            if !keep_waiting() {
-                return Err(Error::Middleware(format!("no ROS master: {error}")));
-            }
+            ensure(keep_waiting(), || Error::Middleware(format!("no ROS master: {error}")))?;
             if reported.is_none_or(|reported| reported.elapsed() > REMINDER) {
                 reported = Some(Instant::now());
                 tracing::warn!("waiting for the ROS master ({error}); start roscore, or set ROS_MASTER_URI");

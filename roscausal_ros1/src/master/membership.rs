@@ -8,7 +8,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use roscausal_core::{Error, Result, gate::lock};
+use roscausal_core::{Error, Result, ensure, gate::lock};
 
 use super::{
     client::{Master, Role, Subscribers},
@@ -68,9 +68,8 @@ impl Membership {
     /// # Errors
     /// If it is known not to answer: a node must not block on each call.
     pub(crate) fn master(&self) -> Result<&Master> {
-        if self.lost.load(Ordering::SeqCst) {
-            return Err(Error::Middleware(format!("the ROS master at {} does not answer", self.master.uri)));
-        }
+        let fault = || Error::Middleware(format!("the ROS master at {} does not answer", self.master.uri));
+        ensure(!self.lost.load(Ordering::SeqCst), fault)?;
         Ok(&self.master)
     }
 
