@@ -1,7 +1,7 @@
 //! A node's name and namespace, and the remaps of the names that it uses.
 
 use roscausal_core::{
-    Error, Result,
+    Error, Result, ensure,
     middleware::{is_graph_name, is_token},
 };
 
@@ -38,9 +38,7 @@ impl Remap {
             _ => (None, left),
         };
         let from = from.strip_prefix("rostopic://").unwrap_or(from);
-        if from.is_empty() || to.is_empty() {
-            return Err(wrong("one side is empty"));
-        }
+        ensure(!from.is_empty() && !to.is_empty(), || wrong("one side is empty"))?;
         let legal = match from {
             "__node" | "__name" => is_token(to),
             "__ns" => is_namespace(to),

@@ -5,7 +5,7 @@ use std::{
     path::Path,
 };
 
-use roscausal_core::params::Value;
+use roscausal_core::{ensure, params::Value};
 use serde_norway::Value as Yaml;
 
 use super::BadArgument;
@@ -39,9 +39,7 @@ impl ParamFile {
         let wrong = |why: &str| BadArgument(format!("-p {rule}: {why}; write name:=value, such as dt:=0.1"));
         let (name, text) = rule.split_once(":=").ok_or_else(|| wrong("there is no ':='"))?;
         let (node, name) = name.split_once(':').unwrap_or(("/**", name));
-        if name.is_empty() || name.contains(':') {
-            return Err(wrong("the name is not a parameter's name"));
-        }
+        ensure(!name.is_empty() && !name.contains(':'), || wrong("the name is not a parameter's name"))?;
         let value = parsed(text).map_err(|why| wrong(&format!("the value {why}")))?;
         self.insert(node, name, scalar_or_list(&value).map_err(|why| wrong(&why))?);
         Ok(())
@@ -145,11 +143,9 @@ fn parsed(text: &str) -> Result<Yaml, String> {
             b']' | b'}' => depth = depth.saturating_sub(1),
             _ => {}
         }
-        if depth > DEEPEST {
-            return Err(format!(
-                "has lists in lists, more than {DEEPEST} deep; a parameter is one list at most"
-            ));
-        }
+        ensure(depth <= DEEPEST, || {
+            format!("has lists in lists, more than {DEEPEST} deep; a parameter is one list at most")
+        })?;
     }
     serde_norway::from_str(text).map_err(|error| format!("is not YAML: {error}"))
 }
@@ -185,15 +181,12 @@ fn scalar_or_list(yaml: &Yaml) -> Result<Value, String> {
         Yaml::String(text) => Value::Str(text.clone()),
         Yaml::Sequence(items) => {
             let items = items.iter().map(scalar_or_list).collect::<Result<Vec<_>, _>>()?;
-            if items.iter().any(|item| matches!(item, Value::List(_))) {
-                return Err("a list of lists is not a ROS 2 parameter".into());
-            }
+            let nested = items.iter().any(|item| matches!(item, Value::List(_)));
+            ensure(!nested, || "a list of lists is not a ROS 2 parameter")?;
             let kind = |item: &Value| std::mem::discriminant(item);
-            if items.windows(2).any(|pair| kind(&pair[0]) != kind(&pair[1])) {
-                return Err(
-                    "the items of a list must all be of one type (write 1.0, not 1, among doubles)".into()
-                );
-            }
+            let equal = items.windows(2).all(|pair| kind(&pair[0]) == kind(&pair[1]));
+            let reason = "the items of a list must all be of one type (write 1.0, not 1, among doubles)";
+            ensure(equal, || reason)?;
             Value::List(items)
         }
         Yaml::Mapping(_) | Yaml::Tagged(_) => return Err("a value is a scalar or a list of scalars".into()),
