@@ -7,7 +7,7 @@ use std::{
 };
 
 use clap::Args as ClapArgs;
-use roscausal_core::{Error, Result, Time, loopback::Loopback, params::Value};
+use roscausal_core::{Error, Result, Time, ensure, loopback::Loopback, params::Value};
 use roscausal_discovery::{Model, Progress, Settings};
 use roscausal_hrisim::{
     Scenario, Simulation,
@@ -286,10 +286,7 @@ fn simulate(
     if let Some(out) = out {
         output::write_file(out, "run.svg", film.svg(&simulation, FILM_S).as_bytes())?;
     }
-    if interrupt.is_set() {
-        return Err(Error::Cancelled("by the user; what was recorded is kept".into()));
-    }
-    Ok(())
+    ensure(!interrupt.is_set(), || Error::Cancelled("by the user; what was recorded is kept".into()))
 }
 
 fn await_model(
@@ -305,9 +302,8 @@ fn await_model(
             chart::show(&bar, progress);
             last_sign = Instant::now();
         }
-        if nodes.one_has_ended() || last_sign.elapsed() > PATIENCE {
-            return Err(Error::file(&folders.processed, "no analysis came to its end"));
-        }
+        let ended = nodes.one_has_ended() || last_sign.elapsed() > PATIENCE;
+        ensure(!ended, || Error::file(&folders.processed, "no analysis came to its end"))?;
         match folders.outcome()? {
             Outcome::Waiting if interrupt.is_set() => {
                 return Err(Error::Cancelled("by the user; the batches stay in the pool".into()));

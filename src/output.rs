@@ -6,7 +6,7 @@ use ndarray::ArrayView2;
 use roscausal_core::{
     Error, Result,
     batch::pool::{folder_of, write_whole},
-    bounded,
+    bounded, ensure,
 };
 use roscausal_discovery::{Model, draw};
 
@@ -136,16 +136,13 @@ const BEGINNING: u64 = 2048;
 /// # Errors
 /// A file of others, a folder, or one in which nothing can be written.
 pub(crate) fn claim_file(file: &Path, mark: &str, force: bool) -> Result<()> {
-    if file.is_dir() {
-        return Err(Error::file(file, "this is a folder; give the name of a file"));
-    }
+    ensure(!file.is_dir(), || Error::file(file, "this is a folder; give the name of a file"))?;
     if is_device(file) {
         return Ok(());
     }
-    if file.exists() && !force && !begins_with(file, mark).map_err(|e| Error::file(file, e))? {
-        let reason = "there is another file of this name; choose another name, or overwrite it with --force";
-        return Err(Error::file(file, reason));
-    }
+    let own = force || !file.exists() || begins_with(file, mark).map_err(|e| Error::file(file, e))?;
+    let reason = "there is another file of this name; choose another name, or overwrite it with --force";
+    ensure(own, || Error::file(file, reason))?;
     let folder = folder_of(file);
     fs::create_dir_all(folder).map_err(|e| Error::file(file, e))?;
     tempfile::tempfile_in(folder).map(drop).map_err(|e| Error::file(file, e))

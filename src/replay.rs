@@ -10,6 +10,7 @@ use clap::Args as ClapArgs;
 use roscausal_core::{
     Error, Result, Time,
     batch::Table,
+    ensure,
     loopback::Loopback,
     nodes::{RecordedChange, recorded_changes},
     params::Value,
@@ -298,11 +299,9 @@ fn show(args: &Args, folders: &Folders, troubles: &str, is_raw: bool) -> Result<
         );
         return Ok(());
     }
-    if models.is_empty() {
-        let short = "its batches are shorter than --ts-length; 0 makes one of the whole recording";
-        let reason = if is_short { short } else { troubles };
-        return Err(Error::file(&args.recording, format!("no model came of it: {reason}")));
-    }
+    let short = "its batches are shorter than --ts-length; 0 makes one of the whole recording";
+    let reason = if is_short { short } else { troubles };
+    ensure(!models.is_empty(), || Error::file(&args.recording, format!("no model came of it: {reason}")))?;
     say!("{}: {} models, batches", args.out.display(), models.len());
     Ok(())
 }

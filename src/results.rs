@@ -21,7 +21,7 @@ use std::{
 use roscausal_core::{
     Error, Result,
     batch::pool::{is_still, without_path},
-    bounded,
+    bounded, ensure,
 };
 use serde::{Deserialize, Serialize};
 use tempfile::TempDir;
@@ -224,10 +224,8 @@ impl Results {
     fn check(&self, files: &BTreeSet<PathBuf>) -> Result<()> {
         for file in files {
             let path = self.dir.join(file);
-            let Some(place) = inside(&self.dir, file) else {
-                let reason = "a link or file of others is where a folder of results has to be";
-                return Err(Error::file(path, reason));
-            };
+            let reason = "a link or file of others is where a folder of results has to be";
+            let place = inside(&self.dir, file).ok_or_else(|| Error::file(&path, reason))?;
             let reason = match fs::symlink_metadata(&place) {
                 Ok(found) if found.is_dir() => "a folder of others has the name of a result",
                 Ok(_) if !self.force && !self.old.contains(file) => {
@@ -375,10 +373,8 @@ fn complete(dir: &Path) -> Result<()> {
     let list = Path::new(SET).join(HOME).join(LIST);
     let list = inside(&new, &list).filter(|list| list.exists());
     if let Some(path) = list {
-        let Some(list) = List::read(&path)? else {
-            let reason = "this list of results is not of a run into this folder; choose another --out";
-            return Err(Error::file(path, reason));
-        };
+        let reason = "this list of results is not of a run into this folder; choose another --out";
+        let list = List::read(&path)?.ok_or_else(|| Error::file(&path, reason))?;
         for file in &list.files {
             let from = inside(&new.join(SET), file);
             if let (Some(from), Some(to)) = (from, inside(dir, file)) {
@@ -456,16 +452,12 @@ impl Lock {
         let (home, path) = (dir.join(HOME), dir.join(HOME).join(LOCK));
         for _ in 0..ATTEMPTS {
             fs::create_dir_all(dir).map_err(|e| unwritable(dir, e))?;
-            if let Err(error) = fs::create_dir(&home)
-                && !is_folder(&home)
-            {
-                return Err(unwritable(dir, error));
-            }
+            fs::create_dir(&home)
+                .or_else(|error| if is_folder(&home) { Ok(()) } else { Err(unwritable(dir, error)) })?;
             // Nothing is written through a link.
-            if fs::symlink_metadata(&path).is_ok_and(|found| !found.is_file()) {
-                let reason = "this is not a lock of a run; remove it, or choose another --out";
-                return Err(Error::file(path, reason));
-            }
+            let is_other = fs::symlink_metadata(&path).is_ok_and(|found| !found.is_file());
+            let reason = "this is not a lock of a run; remove it, or choose another --out";
+            ensure(!is_other, || Error::file(&path, reason))?;
             let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
             let file = match opened {
                 Ok(file) => file,

@@ -111,9 +111,8 @@ impl ReadArgs {
         besides: &[Needed<'_>],
         max_memory: Option<u64>,
     ) -> Result<Vec<(Input, Table)>> {
-        if let (Some(_), None, false) = (self.resample, dt, self.join) {
-            return Err(Error::param("resample", format!("{} says to which step", Named("dt"))));
-        }
+        let has_step = self.resample.is_none() || dt.is_some() || self.join;
+        Error::ensure(has_step, "resample", || format!("{} says to which step", Named("dt")))?;
         let reason = "give a number of seconds above 0";
         Error::ensure(dt.is_none_or(|dt| dt > 0.0 && dt.is_finite()), "dt", || reason)?;
         Error::ensure(self.max_gap.is_none_or(|gap| gap > 0.0), "max-gap", || reason)?;
@@ -123,10 +122,8 @@ impl ReadArgs {
             true => self.features.iter().map(|text| Derived::parse(text)).collect::<Result<Vec<_>>>()?,
             false => Vec::new(),
         };
-        if !derived.is_empty() && files.iter().any(Input::is_recorded) {
-            let reason = "it means one thing for tables and another for recordings; analyse them apart";
-            return Err(Error::param("feature", reason));
-        }
+        let reason = "it means one thing for tables and another for recordings; analyse them apart";
+        Error::ensure(derived.is_empty() || !files.iter().any(Input::is_recorded), "feature", || reason)?;
         let mut reading = Reading {
             columns: self.wanted(&derived),
             needs: self.needs(&derived, besides),
@@ -443,9 +440,9 @@ impl Data {
         }
         let kept: Vec<usize> =
             (0..self.data.n_vars()).filter(|var| variables.binary_search(var).is_err()).collect();
-        if kept.is_empty() {
-            return Err(Error::Data(format!("every column is {what}: there is nothing to analyse")));
-        }
+        Error::ensure_data(!kept.is_empty(), || {
+            format!("every column is {what}: there is nothing to analyse")
+        })?;
         let names: Vec<String> = variables.iter().map(|&var| plain(&self.data.var_names()[var])).collect();
         self.data = self.data.select(&kept);
         let gone: HashSet<&str> = names.iter().map(String::as_str).collect();

@@ -99,11 +99,9 @@ impl SourceArgs {
         // Of whatever version: one that cannot be read says so.
         if text.contains(SCHEMA.trim_end_matches(|c: char| c.is_ascii_digit())) {
             let model = StructuralModel::from_json(&text).map_err(of_file)?;
-            if !self.data.is_empty() {
-                let reason =
-                    "a structural model has its rows with it; leave --data out, or give the graph as MODEL";
-                return Err(Error::param("data", reason));
-            }
+            let reason =
+                "a structural model has its rows with it; leave --data out, or give the graph as MODEL";
+            Error::ensure(self.data.is_empty(), "data", || reason)?;
             let times = vec![None; model.samples().recordings().len()];
             let facts = self.with_units(model.facts.clone(), model.graph().names())?;
             return Ok(Ready { model: model.with_facts(facts), times });

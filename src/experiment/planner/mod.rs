@@ -116,10 +116,9 @@ impl Args {
         Error::ensure((1..=1000).contains(&self.legs), "legs", || {
             format!("{} is not a number of waypoints from 1 to 1000", self.legs)
         })?;
-        if !(0.0..=1e6).contains(&self.hurry) {
-            return Err(Error::param("hurry", format!("{} is not a number from 0 to 1e6", self.hurry)));
-        }
-        Ok(())
+        Error::ensure((0.0..=1e6).contains(&self.hurry), "hurry", || {
+            format!("{} is not a number from 0 to 1e6", self.hurry)
+        })
     }
 }
 
