@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             "seed {seed}: done {} failed {} of {}, driven {:.0} m, wasted {:.0} m, empty {}, close {:.0} s, charge {:.0}, {:.2} s",
             p.done,
             p.failed,
-            p.tasks().len(),
+            p.tasks.len(),
             p.driven,
             p.wasted,
             p.empty,

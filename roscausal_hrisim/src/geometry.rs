@@ -215,15 +215,12 @@ impl Area {
                 if r + s > 1.0 {
                     (r, s) = (1.0 - r, 1.0 - s);
                 }
-                let mut chosen = (Vec2::ZERO, Vec2::ZERO);
-                for triangle in fan() {
-                    chosen = triangle;
-                    left -= area(triangle);
-                    if left < 0.0 {
-                        break;
-                    }
-                }
-                corners[0] + chosen.0 * r + chosen.1 * s
+                let found = fan().find(|triangle| {
+                    left -= area(*triangle);
+                    left < 0.0
+                });
+                let (u, v) = found.or_else(|| fan().last()).unwrap_or_default();
+                corners[0] + u * r + v * s
             }
         }
     }

@@ -102,11 +102,9 @@ impl Crowd {
     /// Gives each group whose first member has arrived a new goal from `draw`.
     pub(crate) fn renew_goals(&mut self, mut draw: impl FnMut(&Pedestrian) -> Vec2) {
         for group in &self.groups {
-            let Some(&first) = group.first() else { continue };
-            if !self.members[first].has_arrived() {
-                continue;
-            }
-            let goal = draw(&self.members[first]);
+            let first = group.first().map(|&first| &self.members[first]);
+            let Some(first) = first.filter(|first| first.has_arrived()) else { continue };
+            let goal = draw(first);
             group.iter().for_each(|&index| self.members[index].goal = goal);
         }
     }

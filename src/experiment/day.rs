@@ -248,7 +248,7 @@ fn csv(days: &[Driven]) -> String {
     for day in days {
         let Driven { seed, porter, close, .. } = day;
         let Porter { done, empty, driven, wasted, .. } = porter;
-        let (change, policy, tasks) = (CHANGES[day.change], POLICIES[day.policy], porter.tasks().len());
+        let (change, policy, tasks) = (CHANGES[day.change], POLICIES[day.policy], porter.tasks.len());
         let _ = writeln!(
             csv,
             "{seed},{change},{policy},{tasks},{done},{empty},{driven:.1},{wasted:.1},{close:.1}"
@@ -263,7 +263,7 @@ fn text(days: &[Driven]) -> String {
         let of = |policy: usize| -> Vec<&Driven> {
             days.iter().filter(|day| day.change == change && day.policy == policy).collect()
         };
-        let share = |day: &Driven| 100.0 * day.porter.done as f64 / day.porter.tasks().len().max(1) as f64;
+        let share = |day: &Driven| 100.0 * day.porter.done as f64 / day.porter.tasks.len().max(1) as f64;
         let _ = writeln!(text, "{name}\n  {:24} done in time    beside the mean  wasted  close  empty", "");
         for (policy, name) in POLICIES.iter().enumerate() {
             let (of, mean) = (of(policy), of(MEAN));

@@ -74,7 +74,8 @@ enum Doing {
 /// The robot's work of the day.
 #[derive(Clone, Debug, Default)]
 pub struct Porter {
-    tasks: Vec<Task>,
+    /// All tasks of the day.
+    pub tasks: Vec<Task>,
     /// The first task that has not begun.
     next: usize,
     /// The load's target, once it is fetched.
@@ -145,11 +146,6 @@ impl Porter {
     /// Whether it is on a way.
     pub fn is_driving(&self) -> bool {
         matches!(self.doing, Doing::Driving { .. } | Doing::ToCharger(_))
-    }
-
-    /// All tasks of the day.
-    pub fn tasks(&self) -> &[Task] {
-        &self.tasks
     }
 
     fn leg(&self, map: &Map, spec: &DaySpec, to: usize, loaded: bool, latest: f64) -> Leg {

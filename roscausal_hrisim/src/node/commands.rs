@@ -10,11 +10,7 @@ use roscausal_msgs::{
     std_msgs::{Float64, String as Text},
 };
 
-use crate::{
-    Simulation,
-    intervention::{Intervention, Target},
-    person::Teleop,
-};
+use crate::{Simulation, intervention::Intervention, person::Teleop};
 
 const FORMS: &str = "use pause, resume, step, step N, reset or autonomous";
 
@@ -119,11 +115,6 @@ fn imposed(text: &str, now: f64) -> Result<Intervention> {
     let mut one: Intervention = text.parse().map_err(|reason: String| Error::param("/hri/do", reason))?;
     one.start = one.start.max(now);
     Error::ensure(one.end > one.start, "/hri/do", || format!("'{text}' is over: it is {now:.2} s now"))?;
-    if let Target::HumanGoal(goal) = one.target
-        && !goal.is_finite()
-    {
-        return Err(Error::param("/hri/do", "the goal is not finite"));
-    }
     Ok(one)
 }
 
