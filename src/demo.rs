@@ -87,7 +87,7 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let run = Run::of(args)?;
     let record = args.sink.claim()?;
     if args.web.web {
-        return run.watch(args, record, interrupt);
+        return run.watch(record, interrupt);
     }
     let Args { scenario, duration, seed, .. } = args;
     say!("Simulating '{scenario}' for {duration} s (seed {seed}), recording two batches ...");
@@ -121,41 +121,33 @@ impl Args {
 }
 
 /// One run of simulator and nodes, from the first message to the model.
-pub(crate) struct Run {
-    pub(crate) scenario: String,
-    /// In addition to those of the scenario.
-    pub(crate) interventions: Vec<String>,
-    pub(crate) seed: u64,
-    /// Seconds to record.
-    pub(crate) duration: f64,
+struct Run<'a> {
+    args: &'a Args,
     analysis: Analysis,
-    pub(crate) out: PathBuf,
 }
 
-impl Run {
-    fn of(args: &Args) -> Result<Self> {
+impl<'a> Run<'a> {
+    fn of(args: &'a Args) -> Result<Self> {
         nodes::check_seed(args.seed)?;
-        Ok(Self {
-            scenario: args.scenario.clone(),
-            interventions: args.interventions.clone(),
-            seed: args.seed,
-            duration: args.duration,
-            analysis: Analysis::of(&args.method, &args.means, &args.resample, Settings::default().seed)?,
-            out: args.out.clone(),
-        })
+        let analysis = Analysis::of(&args.method, &args.means, &args.resample, Settings::default().seed)?;
+        Ok(Self { args, analysis })
+    }
+
+    fn simulation(&self, duration: f64) -> Result<Simulation> {
+        let mut scenario = Scenario { duration, ..Scenario::load(&self.args.scenario)? };
+        scenario.add_interventions(&self.args.interventions)?;
+        Simulation::new(&scenario, self.args.seed)
     }
 
     /// Simulates, records two batches and analyses them. The files of the nodes are in the folder in which the run works, where
     /// the caller keeps them; without a model they are kept here. What is published is also recorded in the file `record`.
     fn recorded_chain(&self, record: Option<&Path>, interrupt: &Interrupt) -> Result<(Folders, Model)> {
-        Error::ensure((20.0..=1e6).contains(&self.duration), "duration", || {
-            format!("{} is not a number of seconds from 20 to 1000000", self.duration)
+        let duration = self.args.duration;
+        Error::ensure((20.0..=1e6).contains(&duration), "duration", || {
+            format!("{duration} is not a number of seconds from 20 to 1000000")
         })?;
-        let mut scenario = Scenario::load(&self.scenario)?;
-        scenario.duration = self.duration + WARM_UP_S;
-        scenario.add_interventions(&self.interventions)?;
-        let simulation = Simulation::new(&scenario, self.seed)?;
-        let folders = Folders::begin(&self.out, &[], interrupt)?;
+        let simulation = self.simulation(duration + WARM_UP_S)?;
+        let folders = Folders::begin(&self.args.out, &[], interrupt)?;
         let ended = self.chain(simulation, &folders, record, interrupt);
         match ended.map_err(|error| folders.named(error))? {
             Ok(model) => Ok((folders, model)),
@@ -198,27 +190,22 @@ impl Run {
 
     /// Whether there are the batches that the analysis waits for; each begins when robot and person are there together.
     fn check_batches(&self, recorded: u64) -> Result<()> {
-        if recorded >= u64::from(BATCHES) {
-            return Ok(());
-        }
-        let length = self.duration / f64::from(BATCHES);
-        Err(Error::Data(format!(
-            "scenario '{}' gave {recorded} of the {BATCHES} batches of {length} s to analyse: its first robot and first \
-             person are not there together for long enough; see its robots and people",
-            self.scenario
-        )))
+        let (scenario, length) = (&self.args.scenario, self.args.duration / f64::from(BATCHES));
+        Error::ensure_data(recorded >= u64::from(BATCHES), || {
+            format!(
+                "scenario '{scenario}' gave {recorded} of the {BATCHES} batches of {length} s to analyse: its first robot and first \
+                 person are not there together for long enough; see its robots and people"
+            )
+        })
     }
 
     /// Runs until the user ends it, with a live page: one model for each batch.
-    fn watch(&self, args: &Args, record: Option<&Path>, interrupt: &Interrupt) -> Result<()> {
-        let mut scenario = Scenario::load(&self.scenario)?;
-        scenario.duration = ENDLESS_S;
-        scenario.add_interventions(&self.interventions)?;
-        let simulation = Simulation::new(&scenario, self.seed)?;
-        let folders = Folders::begin(&self.out, &[], interrupt)?;
-        let ended = self.live(args, simulation, &folders, record, interrupt);
+    fn watch(&self, record: Option<&Path>, interrupt: &Interrupt) -> Result<()> {
+        let simulation = self.simulation(ENDLESS_S)?;
+        let folders = Folders::begin(&self.args.out, &[], interrupt)?;
+        let ended = self.live(simulation, &folders, record, interrupt);
         let simulated = ended.map_err(|error| folders.named(error))?;
-        say!("{}: {} models, batches", self.out.display(), folders.keep()?.model_files()?.len());
+        say!("{}: {} models, batches", self.args.out.display(), folders.keep()?.model_files()?.len());
         match simulated {
             Err(Error::Cancelled(_)) => Ok(()),
             other => other,
@@ -228,7 +215,6 @@ impl Run {
     /// The run with a live page: how the simulation ended, although the nodes ended well.
     fn live(
         &self,
-        args: &Args,
         simulation: Simulation,
         folders: &Folders,
         record: Option<&Path>,
@@ -237,14 +223,14 @@ impl Run {
         let bus = Loopback::lockstep();
         nodes::set_subjects(&bus, &simulation);
         self.set_parameters(&bus, folders, 1)?;
-        let web = Web::start(&bus, &args.web, nodes::first_robot(&simulation))?;
+        let web = Web::start(&bus, &self.args.web, nodes::first_robot(&simulation))?;
         let (nodes, _progress) = Nodes::start(&bus, &nodes::RECORDING).with_discovery();
         let nodes = nodes.with_reasoning(true);
         let mut sink = Sink::open(&bus, record)?;
         let announced = Publisher::new(&bus.node("announcement"), &simulation)?;
         sink.watch()?;
         drop(announced);
-        let simulated = simulate(&bus, simulation, interrupt, args.speed, None);
+        let simulated = simulate(&bus, simulation, interrupt, self.args.speed, None);
         nodes.end_early(|| sink.close(), interrupt)?;
         web.map_or(Ok(()), Web::end)?;
         Ok(simulated)
@@ -254,13 +240,13 @@ impl Run {
     fn set_parameters(&self, bus: &Loopback, folders: &Folders, batches: u32) -> Result<()> {
         nodes::set_pools(bus, &folders.raw, &folders.processed);
         let set = |name: &str, value: Value| bus.set_node_param("data", name, value);
-        set("ts_length", Value::Double(self.duration / f64::from(BATCHES)));
+        set("ts_length", Value::Double(self.args.duration / f64::from(BATCHES)));
         set("dt", Value::Double(DT));
         // The risk as in the authors' published result.
         set("risk_model", Value::Str("v1_1".into()));
         set("risk_lag", Value::Int(1));
         set("risk_noise", Value::Double(RISK_NOISE));
-        set("seed", Value::Int(i64::try_from(self.seed).unwrap_or(0)));
+        set("seed", Value::Int(i64::try_from(self.args.seed).unwrap_or(0)));
         nodes::set_discovery(bus, folders, &self.analysis, batches)
     }
 }

@@ -222,11 +222,9 @@ const LARGEST_SEED: u64 = 9_000_000_000_000_000;
 /// # Errors
 /// It is too large.
 pub(crate) fn check_seed(seed: u64) -> Result<()> {
-    if seed <= LARGEST_SEED {
-        return Ok(());
-    }
-    let reason = format!("{seed} is more than the nodes take; give a number from 0 to {LARGEST_SEED}");
-    Err(Error::param("seed", reason))
+    Error::ensure(seed <= LARGEST_SEED, "seed", || {
+        format!("{seed} is more than the nodes take; give a number from 0 to {LARGEST_SEED}")
+    })
 }
 
 /// Nodes whose parameters decide what a run gives.
