@@ -50,11 +50,6 @@ impl Feed {
             gate: Gate::default(),
         })
     }
-
-    /// False once the subscription is dropped.
-    pub(crate) fn is_open(&self) -> bool {
-        self.gate.is_open()
-    }
 }
 
 /// Logs once for each subscription why nothing can arrive: another type, or another definition of the type.

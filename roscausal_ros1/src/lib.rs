@@ -102,11 +102,8 @@ impl Ros1 {
     fn topic(&self, name: &str) -> Result<String> {
         // rosrust itself accepts more
         let resolved = if is_graph_name(name) { self.session.resolve(name) } else { None };
-        resolved.ok_or_else(|| Error::Topic {
-            topic: name.to_owned(),
-            reason: "not a legal name: letters, digits and '_' between single '/', beginning with a letter"
-                .to_owned(),
-        })
+        let reason = "not a legal name: letters, digits and '_' between single '/', beginning with a letter";
+        resolved.ok_or_else(|| Error::Topic { topic: name.to_owned(), reason: reason.to_owned() })
     }
 
     /// Subscribes with rosrust's handler.
@@ -127,7 +124,8 @@ impl Ros1 {
         let work = move || {
             let subscriber = session.ros.subscribe_with::<T, _>(&topic, queue, handler);
             let mut slot = lock(&own_slot);
-            *slot = subscriber.map(|it| own_feed.is_open().then_some(it)).map_err(|error| reason(&error))?;
+            *slot =
+                subscriber.map(|it| own_feed.gate.is_open().then_some(it)).map_err(|error| reason(&error))?;
             Ok(())
         };
         match in_time(PATIENCE, work) {
@@ -167,10 +165,7 @@ impl Middleware for Ros1 {
         let name = self.topic(topic)?;
         let id = self.session.membership.keep(Role::Publisher, &name, M::type_name());
         let (session, topic) = (self.session.clone(), topic.to_owned());
-        let queue = match qos {
-            Qos::Volatile(depth) => depth.max(1),
-            Qos::Latched => LATCHED_QUEUE,
-        };
+        let queue = if let Qos::Volatile(depth) = qos { depth.max(1) } else { LATCHED_QUEUE };
         let work = move || session.ros.publish::<Wire<M>>(&topic, queue).map_err(|error| reason(&error));
         let publisher =
             in_time(PATIENCE, work).unwrap_or_else(|| Err("the ROS master does not answer".to_owned()));

@@ -94,7 +94,7 @@ impl Session {
     /// The state of all subscriptions.
     pub(crate) fn feeds(&self) -> Vec<Arc<Feed>> {
         let mut feeds = lock(&self.feeds);
-        feeds.retain(|feed| feed.upgrade().is_some_and(|feed| feed.is_open()));
+        feeds.retain(|feed| feed.upgrade().is_some_and(|feed| feed.gate.is_open()));
         feeds.iter().filter_map(Weak::upgrade).collect()
     }
 

@@ -19,6 +19,7 @@ use super::{
 const BELIEVED: Duration = Duration::from_secs(1);
 
 /// A registration that must survive a restart of the master.
+#[derive(Clone)]
 struct Registration {
     id: u64,
     role: Role,
@@ -146,10 +147,8 @@ impl Membership {
 
     fn register_again(&self) {
         *lock(&self.subscribers) = None;
-        let registrations = lock(&self.registrations);
-        let all: Vec<_> = registrations.iter().map(|r| (r.role, r.topic.clone(), r.what.clone())).collect();
-        drop(registrations);
-        for (role, topic, what) in all {
+        let all = lock(&self.registrations).clone();
+        for Registration { role, topic, what, .. } in all {
             if let Err(error) = self.master.register(role, &topic, &what) {
                 tracing::warn!("cannot register {topic} with the new master: {error}");
             }
@@ -158,12 +157,10 @@ impl Membership {
 
     /// Removes all registrations, so that no dead entry stays on the master.
     pub(crate) fn leave(&self) {
-        let mut topics: Vec<_> =
-            lock(&self.registrations).iter().map(|r| (r.role, r.topic.clone(), r.what.clone())).collect();
+        let mut all = lock(&self.registrations).clone();
         // the log is unregistered last
-        topics.sort_by_key(|(_, topic, _)| topic == "/rosout");
-        let done =
-            topics.iter().try_for_each(|(role, topic, what)| self.master.unregister(*role, topic, what));
+        all.sort_by_key(|one| one.topic == "/rosout");
+        let done = all.iter().try_for_each(|one| self.master.unregister(one.role, &one.topic, &one.what));
         if let Err(error) = done.and_then(|()| self.master.forget_params()) {
             tracing::debug!("could not unregister: {error}");
         }

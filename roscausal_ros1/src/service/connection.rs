@@ -9,6 +9,7 @@ use std::{
 
 use roscausal_core::middleware::Reply;
 use roscausal_msgs::{Service, ros1};
+use roscausal_ros::lock;
 
 use super::{
     Shared,
@@ -100,7 +101,9 @@ fn next_begins<S: Service>(stream: &TcpStream, shared: &Shared<S>, may_rest: boo
 /// The service's answer to a question, however long it takes, or why there is none.
 fn answer_of<S: Service>(shared: &Shared<S>, request: S::Request) -> Result<S::Response, String> {
     let (sender, receiver) = mpsc::channel();
-    shared.ask(request, Reply::new(move |answer| drop(sender.send(answer))));
+    // Dropped if the service has ended.
+    let reply = Reply::new(move |answer| drop(sender.send(answer)));
+    shared.gate.pass(|| (lock(&shared.callback))(request, reply));
     loop {
         match receiver.recv_timeout(LOOK) {
             Ok(answer) => return answer,

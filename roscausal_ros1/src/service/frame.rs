@@ -98,11 +98,8 @@ fn bad(what: &str) -> io::Error {
 
 /// A header as bytes.
 pub(super) fn header(fields: &[(&str, &str)]) -> Vec<u8> {
-    let mut body = Vec::new();
-    for (key, value) in fields {
-        body.extend(framed(format!("{key}={value}").as_bytes()));
-    }
-    framed(&body)
+    let field = |(key, value): &(&str, &str)| framed(format!("{key}={value}").as_bytes());
+    framed(&fields.iter().flat_map(field).collect::<Vec<u8>>())
 }
 
 /// A length, and what has that length.

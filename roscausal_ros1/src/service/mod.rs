@@ -17,7 +17,7 @@ use std::{
 
 use roscausal_core::{Error, Result, gate::Gate, middleware::Reply};
 use roscausal_msgs::Service;
-use roscausal_ros::{in_time, lock};
+use roscausal_ros::in_time;
 
 use crate::{PATIENCE, master::Role, session::Session};
 
@@ -144,12 +144,5 @@ impl Drop for Server {
                     .map(|master| master.unregister(Role::Service, &service, &api));
             });
         }
-    }
-}
-
-impl<S: Service> Shared<S> {
-    /// Puts a question to the service. `reply` is dropped if the service has ended.
-    fn ask(&self, request: S::Request, reply: Reply<S::Response>) {
-        self.gate.pass(|| (lock(&self.callback))(request, reply));
     }
 }
