@@ -21,16 +21,11 @@ pub(crate) enum Side {
 /// anything. Latched topics are reliable and transient local, with depth 1.
 pub(crate) fn profile(qos: Qos, side: Side) -> QosProfile {
     let reliable = QosProfile::publisher_default().reliability_reliable(WhenFull::Fail);
+    let last = |depth: usize| History::KeepLast { depth: depth.max(1) };
     match (qos, side) {
-        (Qos::Latched, _) => {
-            reliable.durability(Durability::TransientLocal).history(History::KeepLast { depth: 1 })
-        }
-        (Qos::Volatile(depth), Side::Publisher) => {
-            reliable.history(History::KeepLast { depth: depth.max(1) })
-        }
-        (Qos::Volatile(depth), Side::Subscriber) => {
-            QosProfile::subscription_default().history(History::KeepLast { depth: depth.max(1) })
-        }
+        (Qos::Latched, _) => reliable.durability(Durability::TransientLocal).history(last(1)),
+        (Qos::Volatile(depth), Side::Publisher) => reliable.history(last(depth)),
+        (Qos::Volatile(depth), Side::Subscriber) => QosProfile::subscription_default().history(last(depth)),
     }
 }
 

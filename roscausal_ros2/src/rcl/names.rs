@@ -129,14 +129,9 @@ pub(crate) fn is_namespace(text: &str) -> bool {
 }
 
 fn checked(asked: &str, name: &str) -> Result<()> {
-    if is_graph_name(name) && !name.contains("__") {
-        return Ok(());
-    }
-    Err(Error::Topic {
-        topic: asked.to_owned(),
-        reason: "not a legal name: use letters, digits, single '_' and single '/', no digit after a '/'"
-            .into(),
-    })
+    let reason = "not a legal name: use letters, digits, single '_' and single '/', no digit after a '/'";
+    let legal = is_graph_name(name) && !name.contains("__");
+    ensure(legal, || Error::Topic { topic: asked.to_owned(), reason: reason.to_owned() })
 }
 
 #[cfg(test)]
