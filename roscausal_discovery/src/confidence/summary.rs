@@ -1,7 +1,5 @@
 //! Shares, majorities and intervals over all resamples.
 
-use std::collections::BTreeMap;
-
 use ndarray::Array3;
 
 use crate::{
@@ -87,16 +85,14 @@ impl<'a> Summary<'a> {
             values.iter().map(|row| row.iter().map(lags).collect()).collect()
         };
         let n_lags = self.counts[0].dim().2;
-        let mut mark_frequency = BTreeMap::new();
-        for (mark, counts) in MARKS.iter().zip(&self.counts) {
-            if counts.iter().any(|&count| count > 0) {
-                mark_frequency.insert(*mark, nested(&vars, n_lags, |at| self.share(counts[at])));
-            }
-        }
+        let found =
+            MARKS.iter().zip(&self.counts).filter(|(_, counts)| counts.iter().any(|&count| count > 0));
         Confidence {
             resampling,
             link_frequency: nested(&vars, n_lags, |at| self.share(self.links(at))),
-            mark_frequency,
+            mark_frequency: found
+                .map(|(mark, counts)| (*mark, nested(&vars, n_lags, |at| self.share(counts[at]))))
+                .collect(),
             summary_frequency: (vars.iter())
                 .map(|&i| vars.iter().map(|&j| self.at_any_lag(i, j)).collect())
                 .collect(),

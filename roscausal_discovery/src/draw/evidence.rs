@@ -73,10 +73,9 @@ fn dots(link: &LinkEvidence, title: &str, points: &[[f32; 2]]) -> String {
     let y = Axis::around(points.iter().map(|p| f64::from(p[1])), BOTTOM, TOP);
     y.draw_left(&mut svg, LEFT, RIGHT, 5);
     x.draw_below(&mut svg, BOTTOM, 5);
-    let mut d = String::new();
-    for p in points.iter().filter(|p| p[0].is_finite() && p[1].is_finite()) {
-        d += &format!("M{:.1} {:.1}h0", x.at(f64::from(p[0])), y.at(f64::from(p[1])));
-    }
+    let known = points.iter().filter(|p| p[0].is_finite() && p[1].is_finite());
+    let dot = |p: &[f32; 2]| format!("M{:.1} {:.1}h0", x.at(f64::from(p[0])), y.at(f64::from(p[1])));
+    let d: String = known.map(dot).collect();
     svg.raw(&format!(
         "<path class=\"dots\" d=\"{d}\" stroke=\"{NEGATIVE}\" stroke-width=\"3.4\" stroke-linecap=\"round\" \
          stroke-opacity=\"0.55\" fill=\"none\"/>"

@@ -188,13 +188,12 @@ impl Models<'_> {
     fn check(&self) -> Result<()> {
         let of_one = self.settings.tau_max + 1 - self.settings.tau_min;
         let needed = self.settings.tau_max + (self.rows.n_vars - 1) * of_one + 2;
-        if self.rows.len() >= needed {
-            return Ok(());
-        }
         let (rows, causes, flag) = (self.rows.len(), needed - 2, Named("tau_max"));
-        Err(Error::Data(format!(
-            "{rows} complete samples are too few for {causes} causes of each variable: record at least {needed}, or lower {flag}"
-        )))
+        Error::ensure_data(rows >= needed, || {
+            format!(
+                "{rows} complete samples are too few for {causes} causes of each variable: record at least {needed}, or lower {flag}"
+            )
+        })
     }
 
     /// What a model of `effect` by its own past and by `causes` leaves of it.

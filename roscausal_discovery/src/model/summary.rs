@@ -276,10 +276,8 @@ impl<'a> Facts<'a> {
 
     fn conclusion(&self) -> Vec<String> {
         let model = self.model;
-        let mut reported = Vec::new();
-        for word in &WORDS[..CLAIMS] {
-            reported.extend(self.claimed(word));
-        }
+        let mut reported: Vec<String> =
+            WORDS[..CLAIMS].iter().filter_map(|word| self.claimed(word)).collect();
         let claims = self.links.iter().filter(|link| link.is_claim()).count();
         if self.links.is_empty() {
             reported.push(self.nothing_found());

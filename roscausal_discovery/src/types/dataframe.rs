@@ -318,14 +318,13 @@ impl DataFrame {
     /// Refuses a largest lag for which no recording is long enough: the first `cut_off` rows of each only serve as the past of others.
     pub(crate) fn check_length(&self, tau_max: usize, cut_off: usize) -> Result<()> {
         let longest = self.recordings.iter().map(|recording| recording.nrows()).max().unwrap_or(0);
-        if longest > cut_off {
-            return Ok(());
-        }
         let (flag, least) = (Named("tau_max"), cut_off.saturating_add(4));
-        Err(Error::Data(format!(
-            "the longest recording has {longest} samples; {flag} = {tau_max} needs at least {least}: record longer or lower \
-             {flag}"
-        )))
+        Error::ensure_data(longest > cut_off, || {
+            format!(
+                "the longest recording has {longest} samples; {flag} = {tau_max} needs at least {least}: record longer or lower \
+                 {flag}"
+            )
+        })
     }
 
     /// Names of the variables.

@@ -53,9 +53,7 @@ impl Search<'_, '_> {
         }
         let least = smaller.iter().map(|(value, _)| *value).fold(f64::INFINITY, f64::min);
         let mut next: Vec<Vec<Node>> = Vec::new();
-        for (_, set) in smaller.into_iter().filter(|(value, _)| *value == least) {
-            add_new(&mut next, set);
-        }
+        smaller.into_iter().filter(|(value, _)| *value == least).for_each(|(_, set)| add_new(&mut next, set));
         Ok((minimal, next))
     }
 }
