@@ -1,6 +1,6 @@
 //! How strongly does one variable drive another? Total, direct, mediated, with what it rests on.
 
-use roscausal_discovery::{Node, quantile};
+use roscausal_discovery::{Node, ensure, quantile};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -85,26 +85,24 @@ struct ByGraph {
 
 /// Total, direct and mediated effect of one variable on another.
 pub fn effect(model: &StructuralModel, question: &EffectQuestion) -> EffectAnswer {
-    let refuse = |status, message| EffectAnswer { status, message, ..EffectAnswer::default() };
+    let refuse = |(status, message)| EffectAnswer { status, message, ..EffectAnswer::default() };
+    found(model, question).unwrap_or_else(refuse)
+}
+
+fn found(model: &StructuralModel, question: &EffectQuestion) -> Result<EffectAnswer, (Status, String)> {
     let names = model.graph().names();
-    let asked =
-        variable(names, &question.cause).and_then(|cause| Ok((cause, variable(names, &question.effect)?)));
-    let (cause, effect) = match asked {
-        Ok(pair) => pair,
-        Err(message) => return refuse(Status::BadRequest, message),
-    };
+    let bad = |message: String| (Status::BadRequest, message);
+    let cause = variable(names, &question.cause).map_err(bad)?;
+    let effect = variable(names, &question.effect).map_err(bad)?;
     let max_lag = question.max_lag;
-    if max_lag > LONGEST_LAG || (max_lag == 0 && cause == effect) {
-        let message = format!(
+    ensure(max_lag <= LONGEST_LAG && (max_lag > 0 || cause != effect), || {
+        bad(format!(
             "a largest lag of {max_lag} is not answered; ask for 0 to {LONGEST_LAG}, above 0 for a variable on itself"
-        );
-        return refuse(Status::BadRequest, message);
-    }
+        ))
+    })?;
     let graphs = model.members().iter().map(|member| of_graph(model, member, cause, effect, max_lag));
-    let graphs: Vec<ByGraph> = match graphs.collect::<Result<_, String>>() {
-        Ok(graphs) => graphs,
-        Err(message) => return refuse(Status::NotSupported, message),
-    };
+    let graphs = graphs.collect::<Result<Vec<ByGraph>, String>>();
+    let graphs = graphs.map_err(|message| (Status::NotSupported, message))?;
     let deviations = &model.members()[0].model.deviations;
     let unit = if question.standardised && deviations[effect] > 0.0 {
         deviations[cause] / deviations[effect]
@@ -156,7 +154,7 @@ pub fn effect(model: &StructuralModel, question: &EffectQuestion) -> EffectAnswe
         answer.caveats.extend(by_plain_regression(model, (cause, effect), max_lag));
     }
     answer.caveats.extend(cautions(model, &graphs, (cause, effect), peak, &answer));
-    answer
+    Ok(answer)
 }
 
 /// What a regression on all variables at all lags would say of a pair without a path, where it says more than chance would.
@@ -241,20 +239,16 @@ fn at_lag(model: &StructuralModel, member: &Member, x: Node, y: Node, tail: f64)
     let regressors: Vec<usize> = [x].iter().chain(&set).map(|&node| position(node)).collect();
     let target = position(y);
     let degrees = columns.products.n as f64 - regressors.len() as f64 - 1.0;
-    if degrees < 10.0 {
+    ensure(degrees >= 10.0, || {
         let (rows, cause, others) = (columns.products.n, member.model.graph.text(x), set.len());
-        return Err(format!(
-            "{rows} rows are too few to adjust the effect of {cause} for {others} others; record longer"
-        ));
-    }
+        format!("{rows} rows are too few to adjust the effect of {cause} for {others} others; record longer")
+    })?;
     let coefficient = |sums: &Sums| sums.regress(target, &regressors).0[0];
     let whole = columns.products.whole();
-    if whole.deviation(regressors[0]) == 0.0 {
+    ensure(whole.deviation(regressors[0]) != 0.0, || {
         let name = &member.model.graph.names()[x.var];
-        return Err(format!(
-            "{name} has one value in all rows, which say nothing of its effect; record it with others"
-        ));
-    }
+        format!("{name} has one value in all rows, which say nothing of its effect; record it with others")
+    })?;
     let (all, rss) = whole.regress(target, &regressors);
     let (_, own) = whole.regress(regressors[0], &regressors[1..]);
     let error = (rss / degrees / own).sqrt();

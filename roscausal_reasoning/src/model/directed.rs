@@ -266,13 +266,11 @@ impl Noise {
         let own = if joint { Vec::new() } else { (0..n).map(alone).collect() };
         let column = |var: usize| rows.iter().skip(var).step_by(n).copied().collect::<Vec<f64>>();
         let columns: Vec<Vec<f64>> = (0..n).map(column).collect();
-        let mut shared = Vec::new();
-        for (a, b) in (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))) {
+        let linked = |(a, b): (usize, usize)| {
             let r = correlation(&columns[a], &columns[b]);
-            if joint && r.abs() > SHARED {
-                shared.push((a, b, r));
-            }
-        }
+            (joint && r.abs() > SHARED).then_some((a, b, r))
+        };
+        let shared = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).filter_map(linked).collect();
         Self { n, rows, joint, own, shared }
     }
 
