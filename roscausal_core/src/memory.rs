@@ -12,7 +12,7 @@ use std::{
 
 use roscausal_discovery::Named;
 
-use crate::{Error, Result};
+use crate::{Error, Result, ensure};
 
 /// Data of more than [`FREE`] bytes are at most this many times as long as their packed form.
 pub const GROWTH: u64 = 1000;
@@ -43,11 +43,10 @@ impl Memory {
     /// # Errors
     /// It does not.
     pub fn check(self, needed: u64) -> std::result::Result<(), String> {
-        if needed <= self.bytes {
-            return Ok(());
-        }
-        let (size, flag) = (size(self.bytes), Named("max_memory"));
-        Err(format!("reading it takes more than {size} of memory; split it, or allow more with {flag}"))
+        ensure(needed <= self.bytes, || {
+            let (size, flag) = (size(self.bytes), Named("max_memory"));
+            format!("reading it takes more than {size} of memory; split it, or allow more with {flag}")
+        })
     }
 
     /// Checks that what was made of `packed` bytes fits, and did not grow beyond what data do.
@@ -56,10 +55,9 @@ impl Memory {
     /// It does not fit, or is too long for data.
     pub fn check_growth(self, needed: u64, packed: u64) -> std::result::Result<(), String> {
         self.check(needed)?;
-        if needed <= most_grown(packed) {
-            return Ok(());
-        }
-        Err(format!("it holds more than {} in {packed} bytes, which no data do", size(most_grown(packed))))
+        ensure(needed <= most_grown(packed), || {
+            format!("it holds more than {} in {packed} bytes, which no data do", size(most_grown(packed)))
+        })
     }
 
     /// The bytes of a file or a pipe.
