@@ -46,9 +46,7 @@ pub fn tsdag(model: &Model) -> String {
     numbers.into_iter().for_each(|(at, colour, share)| svg.label(at, 11.0, colour, &format!("{share:.2}")));
     for (row, name) in model.features.iter().enumerate() {
         svg.text(Point::new(16.0, place(row, 0).y + 5.0), 14.0, "start", INK, &display(name));
-        for lag in 0..columns {
-            svg.circle(place(row, lag), NODE, "#eef2f6", INK, 1.4);
-        }
+        (0..columns).for_each(|lag| svg.circle(place(row, lag), NODE, "#eef2f6", INK, 1.4));
     }
     for lag in 0..columns {
         let at = Point::new(place(0, lag).x, 60.0);

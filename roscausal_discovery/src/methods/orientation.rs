@@ -74,9 +74,7 @@ pub(crate) fn orient_by_rules(graph: &mut Array3<LinkMark>, ambiguous: &[Triple]
         for rule in [away_from_collider, acyclic, two_ways] {
             let wanted = rule(graph, ambiguous);
             any |= !wanted.is_empty();
-            for (from, to) in wanted {
-                orient(graph, from, to, conflict_resolution);
-            }
+            wanted.into_iter().for_each(|(from, to)| orient(graph, from, to, conflict_resolution));
         }
         if !any {
             return;

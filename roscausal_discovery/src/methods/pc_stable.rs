@@ -178,9 +178,7 @@ fn next_combination(combination: &mut [usize], n: usize) -> bool {
     let size = combination.len();
     let Some(at) = (0..size).rev().find(|&i| combination[i] < n - size + i) else { return false };
     combination[at] += 1;
-    for i in at + 1..size {
-        combination[i] = combination[i - 1] + 1;
-    }
+    (at + 1..size).for_each(|i| combination[i] = combination[i - 1] + 1);
     true
 }
 

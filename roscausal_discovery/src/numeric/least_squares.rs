@@ -134,9 +134,7 @@ impl LeastSquares {
                 let known: f64 = (i + 1..dependent).map(|j| at(i, j) * combination[j]).sum();
                 combination[i] = (at(i, dependent) - known) / at(i, i);
             }
-            for (&k, part) in kept.iter().zip(&combination) {
-                undetermined[k] |= part.abs() > INVOLVED;
-            }
+            kept.iter().zip(&combination).for_each(|(&k, part)| undetermined[k] |= part.abs() > INVOLVED);
             undetermined[kept.remove(dependent)] = true;
         };
         let mut place = vec![None; columns.len()];

@@ -102,10 +102,7 @@ fn seed_sequence(seed: u64, key: &[u32]) -> [u64; 4] {
         let mixed = mixed.wrapping_mul(constant);
         mixed ^ (mixed >> 16)
     };
-    let mut pool = [0u32; POOL];
-    for (i, word) in pool.iter_mut().enumerate() {
-        *word = hash(entropy.get(i).copied().unwrap_or(0));
-    }
+    let mut pool: [u32; POOL] = std::array::from_fn(|i| hash(entropy.get(i).copied().unwrap_or(0)));
     let mix = |x: u32, y: u32| {
         let mixed = x.wrapping_mul(0xca01_f9dd).wrapping_sub(y.wrapping_mul(0x4973_f715));
         mixed ^ (mixed >> 16)
@@ -116,9 +113,7 @@ fn seed_sequence(seed: u64, key: &[u32]) -> [u64; 4] {
         }
     }
     for &word in key {
-        for target in &mut pool {
-            *target = mix(*target, hash(word));
-        }
+        pool.iter_mut().for_each(|target| *target = mix(*target, hash(word)));
     }
     let mut constant = 0x8b51_f9dd_u32;
     let mut out = [0u64; 4];

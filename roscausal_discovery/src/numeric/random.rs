@@ -59,8 +59,6 @@ impl Rng {
 
     /// Fisher-Yates.
     pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {
-        for i in (1..items.len()).rev() {
-            items.swap(i, self.below(i + 1));
-        }
+        (1..items.len()).rev().for_each(|i| items.swap(i, self.below(i + 1)));
     }
 }

@@ -123,9 +123,7 @@ pub fn quantile(sorted: &[f64], q: f64) -> f64 {
 pub(crate) fn random_ranks(row: &[f64], rng: &mut Rng) -> Vec<usize> {
     let mut order: Vec<usize> = (0..row.len()).collect();
     order.sort_by(|&a, &b| row[a].total_cmp(&row[b]));
-    for equals in order.chunk_by_mut(|&a, &b| row[a] == row[b]) {
-        rng.shuffle(equals);
-    }
+    order.chunk_by_mut(|&a, &b| row[a] == row[b]).for_each(|equals| rng.shuffle(equals));
     let mut ranks = vec![0; row.len()];
     order.iter().enumerate().for_each(|(rank, &i)| ranks[i] = rank);
     ranks

@@ -59,9 +59,7 @@ impl LinkRules {
             whole => serde_json::from_value(whole.clone()),
         };
         let mut rules: Rules<LinkRule> = read.map_err(|error| Error::Data(reason_of(error)))?;
-        for (k, rule) in rules.link.iter_mut().enumerate() {
-            rule.place = format!("rule {}", k + 1);
-        }
+        rules.link.iter_mut().zip(1..).for_each(|(rule, k)| rule.place = format!("rule {k}"));
         Ok(Self(rules))
     }
 

@@ -188,9 +188,7 @@ impl<'a> Samples<'a> {
         mut place: impl FnMut(usize, usize),
     ) -> LaggedArrays {
         if !self.data.is_incomplete() {
-            for k in 0..self.data.recordings.len() {
-                self.each_time(k, |t| place(k, t));
-            }
+            (0..self.data.recordings.len()).for_each(|k| self.each_time(k, |t| place(k, t)));
             let z = z.iter().map(|&node| self.values(node)).collect();
             return LaggedArrays { x: self.values(x), y: self.values(y), z, n_lost: 0 };
         }
@@ -266,9 +264,7 @@ impl<'a> Samples<'a> {
             }
         }
         if let Some(points) = &self.data.reference_points {
-            for t in self.cut_off..n_rows {
-                dropped[t - self.cut_off] |= !points[k][t];
-            }
+            (self.cut_off..n_rows).for_each(|t| dropped[t - self.cut_off] |= !points[k][t]);
         }
         dropped
     }

@@ -31,10 +31,7 @@ pub fn spelled_out(sentence: &str, spell: impl Fn(&str) -> String) -> String {
     let mut parts = sentence.split(OPEN);
     let mut out = parts.next().unwrap_or_default().to_owned();
     for part in parts {
-        match part.split_once(CLOSE) {
-            Some((id, rest)) => out += &(spell(id) + rest),
-            None => out += part,
-        }
+        if let Some((id, rest)) = part.split_once(CLOSE) { out += &(spell(id) + rest) } else { out += part }
     }
     out
 }

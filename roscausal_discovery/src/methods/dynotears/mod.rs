@@ -281,9 +281,7 @@ fn without_cycles(w: &Array2<f64>, threshold: f64) -> Array2<f64> {
         }
         kept[[cause, effect]] = weight;
         for i in 0..n {
-            for j in 0..n {
-                drives[[i, j]] |= drives[[i, cause]] && drives[[effect, j]];
-            }
+            (0..n).for_each(|j| drives[[i, j]] |= drives[[i, cause]] && drives[[effect, j]]);
         }
     }
     kept

@@ -108,9 +108,7 @@ impl<'a, 'b> Search<'a, 'b> {
                 }
             }
         }
-        for &(cause, effect) in remembered {
-            self.learn(cause, effect, true);
-        }
+        remembered.iter().for_each(|&(cause, effect)| self.learn(cause, effect, true));
     }
 
     fn assumption(&self, pair: Pair) -> Option<Assumption> {

@@ -209,9 +209,7 @@ impl Search<'_, '_> {
     /// Gives every link the marks that it had before any rule, and forgets what rules learnt.
     fn forget_orientations(&mut self) {
         self.known = Knowledge::new(&self.graph);
-        for (pair, _) in self.graph.pairs() {
-            self.assume_again(pair);
-        }
+        self.graph.pairs().into_iter().for_each(|(pair, _)| self.assume_again(pair));
         self.set_middles(Middle::Final);
     }
 }

@@ -78,9 +78,7 @@ pub(super) fn causal_order(columns: &[Vec<f64>], first: &[usize], control: &Cont
         });
         let chosen = remaining.remove(best);
         order.variables.push(chosen);
-        for &other in &remaining {
-            left[other] = residual(&left[other], &left[chosen]);
-        }
+        remaining.iter().for_each(|&other| left[other] = residual(&left[other], &left[chosen]));
     }
     order.variables.extend(remaining);
     Ok(order)
