@@ -257,7 +257,7 @@ impl Format for Bag {
         ensure(header.op() == Some(op::CHUNK), || "there is no chunk")?;
         let length = u64::from(self.length()?);
         let (chunk, fault) = self.chunk(piece.offset, length, &header)?;
-        let mut unknown = Ok(());
+        let mut unknown = None;
         let parsed = records(&chunk, |header, data| {
             if header.op() != Some(op::MESSAGE) {
                 return Ok(());
@@ -265,12 +265,10 @@ impl Format for Bag {
             let (connection, stamp) = header.message()?;
             // A message of a topic that is not known does not end the chunk.
             let taken = self.0.take((connection, stamp, data), wanted, out);
-            if unknown.is_ok() {
-                unknown = taken;
-            }
+            unknown = unknown.take().or(taken.err());
             Ok(())
         });
-        parsed.and(fault.map_or(Ok(()), Err)).and(unknown)
+        parsed.and(fault.or(unknown).map_or(Ok(()), Err))
     }
 }
 

@@ -111,9 +111,7 @@ impl McapFile {
     }
 
     fn use_summary(&mut self, summary: Summary) {
-        for (name, text, id) in summary.schemas {
-            self.schemas.insert(id, (name, text.into()));
-        }
+        self.schemas.extend(summary.schemas.into_iter().map(|(name, text, id)| (id, (name, text.into()))));
         let mut channels = summary.channels;
         channels.sort_by_key(|channel| channel.id);
         for channel in channels {
@@ -312,7 +310,7 @@ impl Format for McapFile {
     fn read(&mut self, piece: Piece, wanted: &[bool], out: &mut Vec<Record>) -> Parsed<()> {
         let end = piece.offset.saturating_add(piece.length);
         self.contents.seek(piece.offset)?;
-        let mut unknown = Ok(());
+        let mut unknown = None;
         while self.contents.file.offset < end {
             let (opcode, length) = self.record_header()?;
             // A damaged length does not reach into the next piece.
@@ -322,9 +320,7 @@ impl Format for McapFile {
             // A message of a topic that is not known does not end the chunk.
             let mut take = |this: &mut Self, body: &[u8]| -> Parsed<()> {
                 let taken = this.contents.take(message(body)?, wanted, out);
-                if unknown.is_ok() {
-                    unknown = taken;
-                }
+                unknown = unknown.take().or(taken.err());
                 Ok(())
             };
             match opcode {
@@ -336,7 +332,7 @@ impl Format for McapFile {
                 _ => (),
             }
         }
-        unknown
+        unknown.map_or(Ok(()), Err)
     }
 }
 

@@ -28,15 +28,12 @@ impl Player {
         recording: &Recording,
         name: impl Fn(&Topic) -> Option<String>,
     ) -> Result<Self> {
-        let mut publish = Vec::new();
-        for topic in recording.topics() {
+        let advertised = |topic: &Topic| {
             let name = name(topic);
             let known = name.as_deref().zip(topic.known_type());
-            publish.push(
-                known.and_then(|(name, known)| visit(known, Advertise { mw, topic, name })).transpose()?,
-            );
-        }
-        Ok(Self { publish })
+            known.and_then(|(name, known)| visit(known, Advertise { mw, topic, name })).transpose()
+        };
+        Ok(Self { publish: recording.topics().iter().map(advertised).collect::<Result<_>>()? })
     }
 
     /// Publishes one message, unless its topic is not played.

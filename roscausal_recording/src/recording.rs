@@ -192,10 +192,8 @@ impl Iterator for Recording {
             if here.is_some_and(|here| next_start.is_none_or(|start| here <= start)) {
                 let (_, record) = self.waiting.pop_first()?;
                 self.held -= record.size();
-                match self.unpack(record) {
-                    Some(record) => return Some(record),
-                    None => continue,
-                }
+                let Some(record) = self.unpack(record) else { continue };
+                return Some(record);
             }
             if next_start.is_none() {
                 self.compare_counts();

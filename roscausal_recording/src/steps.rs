@@ -24,9 +24,7 @@ pub struct Steps {
     first: Vec<u64>,
     /// Messages that do not follow the last one, but each other.
     waiting: Vec<Tick>,
-    mistakes: Vec<u64>,
-    back: Vec<u64>,
-    ahead: u64,
+    found: Stepped,
 }
 
 /// What became of the stamps of a stream.
@@ -44,8 +42,8 @@ impl Steps {
     /// A stream in which `follows` says of two messages whether the second may come after the first. After a jump of the clock
     /// `confirmed` stamps must follow each other; fewer are mistakes.
     pub fn new(confirmed: usize, follows: fn(Tick, Tick) -> bool) -> Self {
-        let (first, waiting, mistakes, back) = Default::default();
-        Self { follows, confirmed, last: None, first, waiting, mistakes, back, ahead: 0 }
+        let (last, first, waiting, found) = Default::default();
+        Self { follows, confirmed, last, first, waiting, found }
     }
 
     /// Adds the next message.
@@ -67,24 +65,25 @@ impl Steps {
         }
         if self.first.len() < self.confirmed {
             // The beginning was the mistake.
-            self.mistakes.append(&mut self.first);
+            self.found.mistakes.append(&mut self.first);
             self.first.extend(self.waiting.iter().map(|tick| tick.number));
         } else if let Some(begin) = self.waiting.first() {
-            if begin.stamp < last.stamp { self.back.push(begin.number) } else { self.ahead += 1 }
+            let found = &mut self.found;
+            if begin.stamp < last.stamp { found.back.push(begin.number) } else { found.ahead += 1 }
         }
         self.waiting.clear();
         self.last = Some(tick);
     }
 
     fn drop_waiting(&mut self) {
-        self.mistakes.extend(self.waiting.drain(..).map(|tick| tick.number));
+        self.found.mistakes.extend(self.waiting.drain(..).map(|tick| tick.number));
     }
 
     /// The result, after the last message.
     pub fn finish(mut self) -> Stepped {
         self.drop_waiting();
-        self.mistakes.sort_unstable();
-        Stepped { mistakes: self.mistakes, back: self.back, ahead: self.ahead }
+        self.found.mistakes.sort_unstable();
+        self.found
     }
 }
 

@@ -121,9 +121,8 @@ impl Db3 {
 
     fn read_order(&mut self) -> rusqlite::Result<()> {
         let mut statement = self.database.prepare("SELECT timestamp, id FROM messages")?;
-        for row in statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))? {
-            self.order.push(row?);
-        }
+        let rows = statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?;
+        self.order = rows.collect::<rusqlite::Result<_>>()?;
         drop(statement);
         self.sort();
         let mut newest = i64::MIN;
