@@ -30,9 +30,7 @@ impl Columns {
     /// missing.
     fn new(samples: &Samples, graph: &Graph, variables: &[usize], first: usize) -> Self {
         let mut nodes: Vec<Node> = variables.iter().map(|&var| Node::new(var, 0)).collect();
-        for &var in variables {
-            nodes.extend_from_slice(graph.parents(var));
-        }
+        nodes.extend(variables.iter().flat_map(|&var| graph.parents(var)));
         nodes.sort_unstable();
         nodes.dedup();
         Self::of(samples, nodes, first, &[])

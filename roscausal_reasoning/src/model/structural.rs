@@ -196,9 +196,7 @@ impl StructuralModel {
         for arrow in self.graph.arrows() {
             add((arrow.cause as u64) << 42 | (arrow.effect as u64) << 21 | arrow.lag as u64);
         }
-        for value in self.samples.recordings().iter().flatten() {
-            add(value.to_bits());
-        }
+        self.samples.recordings().iter().flatten().for_each(|value| add(value.to_bits()));
         format!("{state:016x}")
     }
 }
