@@ -205,12 +205,9 @@ async fn events(
     };
     streams.mark();
     let (first, receiver) = hub.join();
-    let first = first.into_iter().collect::<std::collections::VecDeque<Frame>>();
+    let first = std::collections::VecDeque::<Frame>::from(first);
     let stream = stream::unfold((first, receiver, place), |(mut first, mut receiver, place)| async move {
-        let frame = match first.pop_front() {
-            Some(frame) => frame,
-            None => receiver.recv().await.ok()?,
-        };
+        let frame = if let Some(frame) = first.pop_front() { frame } else { receiver.recv().await.ok()? };
         let event = Event::default().event(frame.kind).data(&*frame.data);
         Some((Ok::<_, Infallible>(event), (first, receiver, place)))
     });
