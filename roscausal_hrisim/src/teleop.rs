@@ -124,8 +124,7 @@ impl View {
 fn picture(view: &View, status: String, columns: usize, rows: usize) -> Vec<String> {
     let mut keys: Vec<String> = Vec::new();
     for key in KEYS {
-        let line = keys.last_mut().filter(|line| line.len() + 3 + key.len() <= columns);
-        match line {
+        match keys.last_mut().filter(|line| line.len() + 3 + key.len() <= columns) {
             Some(line) => line.extend(["   ", key]),
             None => keys.push(key.to_owned()),
         }

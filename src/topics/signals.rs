@@ -138,9 +138,7 @@ pub(super) fn run(path: &File, interrupt: &Interrupt) -> Result<()> {
     for (topic, listed) in lines {
         match listed {
             Ok(listed) => {
-                for signal in &listed.signals {
-                    say!("{}", signal.line(&topic.name, names, kinds));
-                }
+                listed.signals.iter().for_each(|signal| say!("{}", signal.line(&topic.name, names, kinds)));
                 if listed.unreadable > 0 {
                     tell!("note: {}: {} messages cannot be read", topic.name, listed.unreadable);
                 }
