@@ -296,10 +296,7 @@ pub(crate) fn write(folder: &Path, carried: &BTreeMap<String, String>) -> Result
             text += &format!("{flag} = {}\n", Value::String(value));
         }
     }
-    if text.len() == before {
-        return Ok(());
-    }
-    crate::output::write_file(folder, FILE, text.as_bytes())
+    if text.len() == before { Ok(()) } else { crate::output::write_file(folder, FILE, text.as_bytes()) }
 }
 
 /// The flags that a file names, checked against those that are known of any subcommand.

@@ -226,10 +226,7 @@ impl Comparison<'_> {
         groups: Groups<'_>,
         mechanisms: &Mechanisms,
     ) -> Difference {
-        if self.form == Form::Slope {
-            return difference;
-        }
-        self.redescribed(difference, groups, mechanisms)
+        if self.form == Form::Slope { difference } else { self.redescribed(difference, groups, mechanisms) }
     }
 
     /// A difference with what the link was and is in other groups.
