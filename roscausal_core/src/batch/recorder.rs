@@ -503,6 +503,10 @@ impl Recorder {
                 if crowded { Taken::Crowded } else { Taken::Yes }
             }
         };
+        // Late for a row that is made, it may still serve the next one.
+        let is_late = self.next_row.is_some_and(|next| sample.stamp_ns < next - self.dt_ns);
+        let is_of_signal = matches!(sample.of, Subject::Signal(_));
+        self.counts.late += u64::from(taken == Taken::Yes && is_late && !is_of_signal);
         if let Some(log) = &mut self.log {
             if log.number().is_some() {
                 if taken != Taken::Duplicate {

@@ -262,6 +262,30 @@ fn another_frame_of_the_robot_ends_the_batch_and_begins_one_in_that_frame() {
 }
 
 #[test]
+fn people_who_come_after_their_row_was_made_are_counted() {
+    let late = |by: f64| {
+        let mut recorder = Recorder::new(config());
+        for i in 0..200 {
+            let t = 5.0 + 0.05 * f64::from(i);
+            recorder.robot(&robot(t), Time::ZERO);
+            recorder.humans(&humans(t - by, vec![person(1, t - by)]), Time::ZERO);
+        }
+        (recorder.counts().late, recorder.counts().rows > 0)
+    };
+    assert_eq!(late(0.45), (0, true));
+    assert!(late(1.2).0 > 150 && late(3.0).0 > 150, "{:?} {:?}", late(1.2), late(3.0));
+    // Somebody who is kept for a while was seen in time.
+    let mut recorder = Recorder::new(config());
+    feed(&mut recorder, 5.0..7.0, |_| vec![1]);
+    for i in 0..28 {
+        let t = 7.0 + 0.05 * f64::from(i);
+        recorder.robot(&robot(t), Time::ZERO);
+        recorder.humans(&humans(t, vec![person(1, 6.96)]), Time::ZERO);
+    }
+    assert_eq!(recorder.counts().late, 0);
+}
+
+#[test]
 fn memory_is_bounded_while_the_robot_is_silent() {
     let mut recorder = Recorder::new(config());
     for i in 0..5000 {
