@@ -311,10 +311,14 @@ fn of_tracks(header: Header, tracks: impl Iterator<Item = (u64, Pose, Twist)>) -
 fn of_people(message: people_msgs::People) -> Seen {
     let header = message.header;
     let sighting = |person: people_msgs::Person| {
-        let (x, y) = (person.velocity.x, person.velocity.y);
-        let pose = Pose { position: person.position, orientation: Quaternion::from_yaw(libm::atan2(y, x)) };
-        let twist = Some(walking([x, y]));
-        (Who::Name(person.name), Sighting { id: 0, header: header.clone(), pose, twist, goal: None })
+        // What is not a number is not known, and who has no name is told apart by place.
+        let velocity = Some([person.velocity.x, person.velocity.y]);
+        let velocity = velocity.filter(|[x, y]| x.is_finite() && y.is_finite());
+        let yaw = velocity.map_or(0.0, |[x, y]| libm::atan2(y, x));
+        let pose = Pose { position: person.position, orientation: Quaternion::from_yaw(yaw) };
+        let twist = velocity.map(walking);
+        let who = if person.name.trim().is_empty() { Who::Unknown } else { Who::Name(person.name) };
+        (who, Sighting { id: 0, header: header.clone(), pose, twist, goal: None })
     };
     (header.stamp, message.people.into_iter().map(sighting).collect())
 }
@@ -411,5 +415,23 @@ fn point(value: &Value) -> Option<Point> {
     match (values.first()?.as_double(), values.get(1)?.as_double()) {
         (Some(x), Some(y)) => Some(Point { x, y, z: 0.0 }),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn people_without_a_name_are_not_one_person_and_a_velocity_of_nan_is_none() {
+        let person = |name: &str| people_msgs::Person { name: name.into(), ..Default::default() };
+        let mut people = vec![person("anna"), person(""), person(" ")];
+        people[1].velocity.x = f64::NAN;
+        let (_, seen) = of_people(people_msgs::People { people, ..Default::default() });
+        let who: Vec<&Who> = seen.iter().map(|(who, _)| who).collect();
+        assert_eq!(who, [&Who::Name("anna".into()), &Who::Unknown, &Who::Unknown]);
+        let has_velocity: Vec<bool> = seen.iter().map(|(_, sighting)| sighting.twist.is_some()).collect();
+        assert_eq!(has_velocity, [true, false, true]);
+        assert!(seen.iter().all(|(_, sighting)| sighting.pose.orientation.w.is_finite()));
     }
 }
