@@ -148,7 +148,7 @@ impl Reader {
                 }
                 continue;
             }
-            let Some(mut sighting) = columns.sighting(row, &header) else { continue };
+            let mut sighting = columns.sighting(row, &header);
             if seen.stamp == Time::ZERO {
                 seen.stamp = sighting.header.stamp;
             }
@@ -387,14 +387,11 @@ impl Columns {
         }
     }
 
-    /// The sighting in a row; `None` if it has no place.
-    fn sighting(&self, row: &[Found], header: &Header) -> Option<Sighting> {
+    /// The sighting in a row; its place may be NaN.
+    fn sighting(&self, row: &[Found], header: &Header) -> Sighting {
         let at = |column: Option<usize>| column.map_or(f64::NAN, |column| number(row, column));
         let [x, y, z] = self.place;
         let position = Point { x: at(x), y: at(y), z: if z.is_some() { at(z) } else { 0.0 } };
-        if ![position.x, position.y, position.z].iter().all(|part| part.is_finite()) {
-            return None;
-        }
         let velocity = self.velocity.map(|parts| parts.map(|part| number(row, part)));
         let velocity = velocity.filter(|parts| parts.iter().all(|part| part.is_finite()));
         let twist = velocity.map(walking);
@@ -419,7 +416,7 @@ impl Columns {
             header.stamp = Time::from_secs_f64(at(self.stamp));
         }
         let goal = goal.map(|[x, y]| Point { x, y, z: 0.0 });
-        Some(Sighting { id: 0, header, pose: Pose { position, orientation }, twist, goal })
+        Sighting { id: 0, header, pose: Pose { position, orientation }, twist, goal }
     }
 }
 
