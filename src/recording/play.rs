@@ -52,7 +52,7 @@ fn lost(status: &DiagnosticStatus) -> String {
     let sent = status.values.iter().find(|pair| pair.key == "sent").map_or(0.0, number);
     let is_loss = |pair: &&KeyValue| match pair.key.strip_prefix(labels::SILENCE) {
         Some(topic) => number(pair) >= SILENT_S && !topic.contains("roscausal/"),
-        None if pair.key == labels::JUMPS => number(pair) > 0.0,
+        None if [labels::JUMPS, labels::LEAPS].contains(&pair.key.as_str()) => number(pair) > 0.0,
         // Of others a few are no matter.
         None => labels::LOST.contains(&pair.key.as_str()) && 100.0 * number(pair) > sent,
     };

@@ -222,6 +222,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
                 ("seen twice at one stamp", tracker.repeated.to_string()),
                 (labels::NAMES, tracker.identities.names.reported()),
                 (labels::CHANGED, tracker.identities.changed()),
+                (labels::LEAPS, tracker.identities.leaps.to_string()),
                 (labels::UNREADABLE, unreadable().to_string()),
                 ("dropped", inbox.dropped().to_string()),
             ]

@@ -67,6 +67,8 @@ pub mod labels {
     pub const FOLLOWS: &str = "rows in which the robot follows, of 100 in which both move";
     /// Before a topic: the longest time without messages of it.
     pub const SILENCE: &str = "most seconds without ";
+    /// How often somebody was at once farther away than anybody runs.
+    pub const LEAPS: &str = "jumps farther than anybody runs (two people with one number)";
     /// How often a clock jumped.
     pub const JUMPS: &str = "clock jumps";
     /// Messages that were left out, by the reason.

@@ -11,6 +11,8 @@ const MOST: usize = 4096;
 const WATCHED_S: f64 = 2.0;
 /// Somebody may be this much farther away for each second since the last sighting. Metres per second.
 const FASTEST: f64 = 2.0;
+/// Nobody runs faster. Metres per second.
+const RUNS: f64 = 10.0;
 
 /// Numbers for names: the number in the name (`person_12` is 12), otherwise, or if it is taken, the smallest free one.
 /// ROS4HRI's `rkvea` becomes 1, the next one 2.
@@ -87,6 +89,8 @@ pub struct Identities {
     lost: Lost,
     /// Whether a new number near somebody who was lost becomes theirs.
     rejoins: bool,
+    /// How often somebody was at once farther away than anybody runs.
+    pub leaps: u64,
 }
 
 impl Identities {
@@ -99,6 +103,7 @@ impl Identities {
             tracks: Tracks::new(gates.metres, gates.keep_s),
             lost: Lost { gate_m: gates.metres, rejoin_s, ..Lost::default() },
             rejoins,
+            leaps: 0,
         }
     }
 
@@ -126,6 +131,12 @@ impl Identities {
         };
         let ids: Vec<u32> = people.iter().map(id).collect();
         let places: Vec<Point> = people.iter().map(|(_, place)| *place).collect();
+        let has_leapt = |(id, place): (&u32, &Point)| {
+            let Some((seen, at)) = self.lost.last.get(id) else { return false };
+            let distance = libm::hypot(place.x - at.x, place.y - at.y);
+            distance > self.lost.gate_m + RUNS * stamp.secs_since(*seen).abs()
+        };
+        self.leaps += ids.iter().zip(&places).filter(|one| has_leapt(*one)).count() as u64;
         let found = self.lost.found(stamp, &ids, &places);
         if self.rejoins { found } else { ids }
     }
@@ -335,6 +346,21 @@ mod tests {
             (off.changed().as_str(), identities.changed().as_str()),
             ("1, the first: 9 where 4 was", "")
         );
+    }
+
+    #[test]
+    fn two_people_with_one_number_are_noticed_and_one_who_runs_is_not() {
+        let seen = |secs: f64, x: f64, identities: &mut Identities| {
+            identities.ids(Time::from_secs_f64(secs), &[(Who::Number(7), at(x, 0.0))]);
+        };
+        let (mut runs, mut two) = (rejoining(0.0), rejoining(0.0));
+        for step in 0..20 {
+            let secs = 1.0 + 0.1 * f64::from(step);
+            seen(secs, 0.8 * f64::from(step), &mut runs);
+            seen(secs, 0.0, &mut two);
+            seen(secs, 8.0, &mut two);
+        }
+        assert_eq!((runs.leaps, two.leaps), (0, 39));
     }
 
     #[test]
