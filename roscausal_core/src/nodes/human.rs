@@ -162,18 +162,21 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
             Next::Event(Event::People(input, (stamp, people))) => {
                 health.heard(input, mw.now());
                 unstamped += u64::from(stamp == Time::ZERO);
-                take(&mut tracker, stamp, people, mw.now());
+                take(&mut tracker, input, stamp, people, mw.now());
             }
             Next::Event(Event::Any(place, message)) => {
                 let (input, reader): &mut (usize, Reader) = &mut readers[place];
                 health.heard(*input, mw.now());
                 let seen = reader.read(&message);
                 unstamped += u64::from(seen.stamp == Time::ZERO);
-                take(&mut tracker, seen.stamp, seen.people, mw.now());
+                take(&mut tracker, *input, seen.stamp, seen.people, mw.now());
             }
             Next::Event(Event::Tracked(input, stamp, prefix, ids)) => {
                 health.heard(input, mw.now());
-                tracker.heard(if stamp == Time::ZERO { mw.now() } else { stamp });
+                let stamp = if stamp == Time::ZERO { mw.now() } else { stamp };
+                if !tracker.is_late(input, stamp, 0) {
+                    tracker.heard(stamp);
+                }
                 frames.tracked(prefix, ids);
             }
             Next::Event(Event::Goal(goal)) => tracker.goal(goal),
@@ -218,6 +221,7 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
                 (labels::LATE, tracker.late.to_string()),
                 (labels::NO_TRANSFORM, tracker.without_transform.to_string()),
                 (labels::NOT_FINITE, tracker.not_finite.to_string()),
+                (labels::TOO_LATE, tracker.too_late.to_string()),
                 (labels::UNSTAMPED, unstamped.to_string()),
                 ("seen twice at one stamp", tracker.repeated.to_string()),
                 (labels::NAMES, tracker.identities.names.reported()),
@@ -234,10 +238,12 @@ pub(super) async fn human_task<M: Middleware>(mw: &M) -> Result<()> {
 }
 
 /// Hands the people of a message to the tracker. What has no stamp counts as seen now.
-fn take(tracker: &mut PeopleTracker, stamp: Time, mut people: Vec<(Who, Sighting)>, now: Time) {
+fn take(tracker: &mut PeopleTracker, topic: usize, stamp: Time, mut people: Vec<(Who, Sighting)>, now: Time) {
     let stamped = |stamp: Time| if stamp == Time::ZERO { now } else { stamp };
     people.iter_mut().for_each(|(_, sighting)| sighting.header.stamp = stamped(sighting.header.stamp));
-    tracker.message(stamped(stamp), people);
+    if !tracker.is_late(topic, stamped(stamp), people.len()) {
+        tracker.message(stamped(stamp), people);
+    }
 }
 
 fn subscribe_people<M: Middleware>(

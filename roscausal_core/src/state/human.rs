@@ -25,6 +25,9 @@ const MOST_WAITING: usize = 5000;
 /// People without identity, unless the user says otherwise.
 const GATES: Gates = Gates { metres: 0.8, keep_s: 1.0, rejoin_s: 0.0 };
 
+/// A topic may be this late beside others; farther behind, it has another clock, or the clock has jumped. Seconds.
+const LATEST_S: f64 = 10.0;
+
 /// Most goals that are remembered.
 const MOST_GOALS: usize = 4096;
 
@@ -76,6 +79,8 @@ pub struct PeopleTracker {
     /// Goals that were given, by person.
     goals: BTreeMap<u32, Point>,
     newest: Time,
+    /// The last stamp of each topic.
+    last_of: BTreeMap<usize, Time>,
     /// Sightings of the last message that are older than what is known of the same people.
     older: Vec<HumanState>,
     /// Messages that wait for a transform, how many people are in them, and the stamp of the newest that no longer waits.
@@ -88,6 +93,8 @@ pub struct PeopleTracker {
     pub not_finite: u64,
     /// Sightings out of order without a velocity; they are left out.
     pub late: u64,
+    /// Sightings left out because their topic is later beside others than people are kept.
+    pub too_late: u64,
     /// Sightings left out because the person was already seen at that stamp: the first one counts.
     pub repeated: u64,
     /// Frames of people and map.
@@ -160,6 +167,16 @@ impl PeopleTracker {
 
     fn frame<'a>(&'a self, header: &'a Header) -> &'a str {
         if header.frame_id.is_empty() { &self.source_frame } else { &header.frame_id }
+    }
+
+    /// Whether a message of this topic, with so many people, is left out: beside other topics it is later than people are kept. A clock that
+    /// jumps back does so within a topic.
+    pub fn is_late(&mut self, topic: usize, stamp: Time, people: usize) -> bool {
+        let back = self.last_of.insert(topic, stamp).map_or(0.0, |last| last.secs_since(stamp));
+        let behind = self.newest.secs_since(stamp);
+        let is_late = back <= self.timeout_s && behind > self.timeout_s && behind < LATEST_S;
+        self.too_late += if is_late { people as u64 } else { 0 };
+        is_late
     }
 
     /// Notes a message from a tracker, whoever is in it. With `stamp`, people who are no longer seen age.
@@ -494,6 +511,27 @@ mod tests {
         tracker.sighting(seen(1, 100.0, 4.0));
         tracker.sighting(seen(2, 1.0, 4.0));
         assert_eq!(ids(&tracker.people(first)), [2]);
+    }
+
+    #[test]
+    fn a_tracker_that_is_late_beside_another_is_no_jump_of_the_clock() {
+        let mut tracker = PeopleTracker::new("map", "map", 1.0);
+        let hear = |tracker: &mut PeopleTracker, topic: usize, secs: f64| {
+            let sighting = seen(topic as u32, secs, 4.0);
+            if !tracker.is_late(topic, sighting.header.stamp, 1) {
+                tracker.sighting(sighting);
+            }
+        };
+        for step in 0..50 {
+            let secs = 100.0 + 0.1 * f64::from(step);
+            hear(&mut tracker, 1, secs);
+            hear(&mut tracker, 2, secs - 2.0);
+        }
+        assert_eq!((ids(&tracker.people(first)), tracker.too_late), (vec![1], 50));
+        // A recording that starts again does so in each of them.
+        hear(&mut tracker, 2, 1.0);
+        hear(&mut tracker, 1, 1.0);
+        assert_eq!((ids(&tracker.people(first)), tracker.too_late), (vec![1, 2], 50));
     }
 
     #[test]
