@@ -41,7 +41,7 @@ pub struct RobotTracker {
     /// Without odometry: the last poses, which tell the speed.
     past: Option<VecDeque<(Time, Pose2D)>>,
     tf: TfBuffer,
-    /// Pairs left out because no transform came in time.
+    /// Pairs left out, or with an unknown goal, because no transform came in time.
     pub without_transform: u64,
     /// Pairs left out because they hold NaN or infinity.
     pub not_finite: u64,
@@ -166,7 +166,9 @@ impl RobotTracker {
             }
             match self.state(header, pose, odometry) {
                 Ok(state) => {
-                    self.trouble = None;
+                    let goal = self.goals.at(state.header.stamp).map(|goal| self.in_target(goal));
+                    self.trouble = goal.and_then(Result::err).map(|reason| format!("the goal: {reason}"));
+                    self.without_transform += u64::from(self.trouble.is_some());
                     states.extend(self.with_speed(state));
                 }
                 Err(trouble) => {
@@ -198,8 +200,8 @@ impl RobotTracker {
             let at = header.stamp.as_secs_f64();
             return Err(Trouble::Number(format!("{name} is {number} at {at:.3} s; no state was made of it")));
         }
-        let goal = self.goals.at(header.stamp).map_or_else(|| Ok(unknown()), |goal| self.in_target(goal));
-        let goal = goal.map_err(Trouble::Transform)?;
+        let goal = self.goals.at(header.stamp).and_then(|goal| self.in_target(goal).ok());
+        let goal = goal.unwrap_or_else(unknown);
         let header = Header { stamp: header.stamp, frame_id: self.target_frame.clone() };
         Ok(RobotState { header, pose2d, twist: odometry.twist.twist, goal })
     }
@@ -310,6 +312,16 @@ mod tests {
         robot.goal(header(0.0, ""), Point { x: 7.0, y: 8.0, z: 0.0 }, NOW);
         robot.pose(header(1.0, "map"), pose(3.0), NOW);
         assert_eq!(robot.odometry(odometry(1.0, 0.4), NOW)[0].goal.x, 7.0);
+    }
+
+    #[test]
+    fn a_goal_in_an_unknown_frame_is_unknown_and_told() {
+        let mut robot = RobotTracker::new("map", 10, 0.1);
+        robot.goal(header(0.0, "moon"), Point { x: 7.0, y: 8.0, z: 0.0 }, NOW);
+        robot.pose(header(1.0, "map"), pose(3.0), NOW);
+        let state = robot.odometry(odometry(1.0, 0.4), NOW).remove(0);
+        assert!(state.goal.x.is_nan() && state.pose2d.x == 3.0);
+        assert!(robot.trouble.is_some_and(|t| t.starts_with("the goal: ") && t.contains("moon")));
     }
 
     #[test]
