@@ -9,7 +9,7 @@ use std::{
 use clap::Args as ClapArgs;
 use roscausal_core::{
     Error, Result, Time,
-    batch::Table,
+    batch::{Table, pool::with_ending},
     ensure,
     loopback::Loopback,
     nodes::{RecordedChange, recorded_changes},
@@ -179,6 +179,11 @@ impl Args {
         sink.close()?;
         let played = played?;
         played.tell(&self.recording);
+        // Without a model the error says it.
+        let is_used = source.inputs.is_raw() || !folders.model_files()?.is_empty();
+        if let Some(remark) = seen.remark().filter(|_| is_used) {
+            tell!("note: {}: {remark}", self.recording.display());
+        }
         analysed?;
         Ok(Ok(played.troubles(seen.to_string())))
     }
@@ -279,6 +284,7 @@ fn show(args: &Args, folders: &Folders, troubles: &str, is_raw: bool) -> Result<
         Vec::new()
     };
     let reasons = folders.rejections()?;
+    let has_raw = is_raw && !with_ending(&folders.raw, ".csv")?.is_empty();
     let is_short = folders.processed.join("incomplete").is_dir();
     if is_short && !models.is_empty() {
         tell!("note: a batch that is shorter than --ts-length is set aside");
@@ -291,7 +297,7 @@ fn show(args: &Args, folders: &Folders, troubles: &str, is_raw: bool) -> Result<
     }
     summary.iter().for_each(|line| say!("{line}"));
     reasons.iter().for_each(|reason| tell!("note: {reason}"));
-    if models.is_empty() && is_raw {
+    if models.is_empty() && has_raw {
         let raw = args.out.join("data_pool");
         say!(
             "{0}: raw batches, which data.postprocess=none leaves without a model; 'roscausal discover {0} --drop-empty' makes one",

@@ -414,6 +414,21 @@ fn what_is_left_out_is_counted_at_the_end_and_no_advice_is_for_a_robot_that_runs
 }
 
 #[test]
+fn a_replay_says_where_both_were_once_and_that_nobody_was_recorded() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let replay = |walk: Walk<'_>, flags: &[&str]| {
+        walk.write(&dir.path().join("apart.mcap"));
+        let quick = ["replay", "apart.mcap", "--ts-length", "0", "--method", "pcmci", "--test", "parcorr"];
+        let output = roscausal(dir.path(), &[&quick, flags].concat());
+        (String::from_utf8_lossy(&output.stderr).into_owned(), output.status.success())
+    };
+    let (text, _) = replay(Walk { units: 1000.0, ..SOUND }, &["--person", "7"]);
+    assert_eq!(text.matches("people seem to be in millimetres").count(), 1, "{text}");
+    let (text, success) = replay(SOUND, &["--person", "99", "--param", "data.postprocess=none"]);
+    assert!(!success && text.contains("nobody of sel_agent has been seen"), "{text}");
+}
+
+#[test]
 fn who_was_missing_or_where_both_were_is_told() {
     let dir = tempfile::tempdir().expect("a folder");
     for (walk, says) in [

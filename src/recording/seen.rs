@@ -54,7 +54,7 @@ impl Seen {
     }
 
     /// What is odd about their places, if anything is.
-    pub(super) fn remark(&self) -> Option<String> {
+    pub(crate) fn remark(&self) -> Option<String> {
         let [robot, people] = lock(&self.tracks).map(|track| track.places);
         let size = |(a, b): (f64, f64)| a.abs().max(b.abs());
         let (robot, people) = (robot?, people?);
