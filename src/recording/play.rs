@@ -207,6 +207,8 @@ impl<'a> Play<'a> {
             }
             seen = progress;
         }
+        // What the nodes counted last is in their next reports, which come once a second.
+        self.bus.advance_to(self.now.plus_secs(1.0));
         self.played.losses = self.recording.recording.losses().to_vec();
         Ok(self.played)
     }

@@ -237,6 +237,7 @@ TROUBLES = {
     "late_or_slow": (Walk(came=lambda i, t: t + 3.0), [], 270, 1, ["stamps of /people are 3.00 s behind", FLAG]),
     "no_stamp": (
         Walk(stamp=lambda i, t: -BEGIN / 1e9 if 10 < t < 12 else t), [], 295, 1, ["human node: without stamp: 49"]),
+    "never_a_stamp": (Walk(stamp=lambda i, t: -BEGIN / 1e9), [], 295, 1, ["human node: without stamp: 750"]),
     "no_place": (Walk(has_place=lambda t: not 10 < t < 12), [], 278, 1, ["human node: not finite: 49"]),
     "stops": (Walk(seen=lambda i: even(i) if i < 375 else None), [], 148, 1, ["human node: most seconds without /people: 1"]),
     "hole": (Walk(hole=7200.0), ["--signal", "seen = count(/people.people)", "--ts-length", "0"], 290, 2, []),
