@@ -47,7 +47,7 @@ pub(crate) fn is_recording(path: &Path) -> bool {
 
 /// How many runs there are, as the beginning of a sentence.
 pub(crate) fn runs(laps: u32) -> String {
-    format!("the time of recording goes back, so it holds {laps} runs")
+    format!("the time of recording goes back, or files share it, so it holds {laps} runs")
 }
 
 /// Whether one of the batches holds the same rows, as where a recording was played in a loop.
