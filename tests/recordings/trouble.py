@@ -54,6 +54,7 @@ class Walk:
     recorded = staticmethod(lambda t: t)  # the recorder's clock
     has_place = staticmethod(lambda t: True)  # whether the person's place is a number
     frame = "map"  # of the people
+    odom_every = 1  # poses for each odometry message
     tf_every = 0  # robot messages between two transforms of `odom` in `map`
     tf_stamp = staticmethod(lambda t: t)  # what a transform says
     tf_came = staticmethod(lambda t: t)
@@ -88,8 +89,9 @@ def messages(s, walk):
         t = even(i)
         where, came = robot(t), walk.robot_came(i, t)
         twist = s.make("geometry_msgs/TwistWithCovariance", twist=s.twist(where["r_v"], 0), covariance=none)
-        add(came, "/odom", "nav_msgs/Odometry", s.make("nav_msgs/Odometry", header=s.header(at(t), "odom"),
-            child_frame_id="base_footprint", pose=place(0, 0), twist=twist))
+        if i % walk.odom_every == 0:
+            add(came, "/odom", "nav_msgs/Odometry", s.make("nav_msgs/Odometry", header=s.header(at(t), "odom"),
+                child_frame_id="base_footprint", pose=place(0, 0), twist=twist))
         add(came, "/amcl_pose", "geometry_msgs/PoseWithCovarianceStamped", s.make("geometry_msgs/PoseWithCovarianceStamped",
             header=s.header(at(t), "map"), pose=place(where["r_x"], where["r_y"])))
         if walk.tf_every and i % walk.tf_every == 0:
@@ -240,6 +242,8 @@ TROUBLES = {
     "never_a_stamp": (Walk(stamp=lambda i, t: -BEGIN / 1e9), [], 295, 1, ["human node: without stamp: 750"]),
     "no_place": (Walk(has_place=lambda t: not 10 < t < 12), [], 278, 1, ["human node: not finite: 49"]),
     "stops": (Walk(seen=lambda i: even(i) if i < 375 else None), [], 148, 1, ["human node: most seconds without /people: 1"]),
+    "seldom_odometry": (
+        Walk(odom_every=12, drifts=0.02), [], 290, 1, ["robot node: poses without odometry: "]),
     "hole": (Walk(hole=7200.0), ["--signal", "seen = count(/people.people)", "--ts-length", "0"], 290, 2, []),
     "loop": (Walk(laps=2), [], 290, 1, ["2 runs", "holds the rows of an earlier one"]),
     "two_clocks": (Walk(stamp=lambda i, t: t - 1.6e9), [], None, 0, ["clocks of /people", "--clock /people=recording"]),

@@ -72,9 +72,10 @@ pub mod labels {
     /// How often a clock jumped.
     pub const JUMPS: &str = "clock jumps";
     /// Messages that were left out, by the reason.
-    pub const LOST: [&str; 8] =
-        [LATE, UNSTAMPED, NO_TRANSFORM, NOT_FINITE, UNREADABLE, TOO_LATE, FOREIGN, SIGNALS_UNREAD];
+    pub const LOST: [&str; 9] =
+        [LATE, UNPAIRED, UNSTAMPED, NO_TRANSFORM, NOT_FINITE, UNREADABLE, TOO_LATE, FOREIGN, SIGNALS_UNREAD];
     pub(super) const LATE: &str = "out of order";
+    pub(super) const UNPAIRED: &str = "poses without odometry";
     pub(super) const UNSTAMPED: &str = "without stamp";
     /// A transform that did not come.
     pub const NO_TRANSFORM: &str = "no transform in time";

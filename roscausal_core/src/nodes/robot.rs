@@ -176,7 +176,7 @@ pub(super) async fn robot_task<M: Middleware>(mw: &M) -> Result<()> {
         }
         let figures = || {
             [
-                ("poses without odometry", tracker.pairing.unpaired.to_string()),
+                (labels::UNPAIRED, tracker.pairing.unpaired.to_string()),
                 (labels::LATE, tracker.pairing.late.to_string()),
                 ("twice at one stamp", tracker.pairing.repeated.to_string()),
                 (labels::UNSTAMPED, tracker.unstamped.to_string()),
