@@ -74,3 +74,14 @@ fn a_hostile_model_is_refused_or_shown() {
         let _ = (draw::dag(&model), draw::tsdag(&model), draw::matrix(&model));
     });
 }
+
+#[test]
+fn a_name_that_is_longer_than_a_format_can_be_wide_is_shown() {
+    let text = String::from_utf8_lossy(MODEL);
+    let model: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let first = model["features"][0].to_string();
+    let text = text.replace(&first, &format!("\"{}\"", "h".repeat(70_000)));
+    let file = InputFile::new().expect("a file");
+    let model = read_model(file.with(text.as_bytes()).expect("it is written")).expect("a model");
+    assert!(report::text(&model).contains("hhh"));
+}

@@ -6,6 +6,8 @@ use crate::flags;
 
 /// Columns of a terminal.
 const WIDTH: usize = 80;
+/// Widest column of a table; a longer cell stands out. A format panics beyond 65535.
+pub(crate) const WIDEST: usize = 200;
 /// Links and notes that are printed, unless all are wanted.
 const MOST_LINKS: usize = 6;
 const MOST_NOTES: usize = 8;
@@ -97,7 +99,7 @@ fn rows(model: &Model, summary: &Summary, most: usize) -> Vec<String> {
         [format!("{} {} {}", link.cause, link.mark, link.effect), when, strength, p, sure + &few]
     };
     let cells: Vec<[String; 5]> = summary.links.iter().take(most).map(of).collect();
-    let width = |k: usize| cells.iter().map(|row| row[k].chars().count()).max().unwrap_or(0);
+    let width = |k: usize| cells.iter().map(|row| row[k].chars().count()).max().unwrap_or(0).min(WIDEST);
     let widths = [0, 1, 2, 3].map(width);
     let row = |[pair, when, strength, p, sure]: &[String; 5]| {
         let [a, b, c, d] = widths;
@@ -188,7 +190,7 @@ pub(crate) fn p_cell(model: &Model, p: Option<f64>) -> String {
 
 fn table(model: &Model) -> Vec<String> {
     let names: Vec<String> = model.features.iter().map(|name| plain(name)).collect();
-    let width = names.iter().map(String::len).max().unwrap_or(0).max("effect".len());
+    let width = names.iter().map(String::len).max().unwrap_or(0).clamp("effect".len(), WIDEST);
     let found = model.confidence.as_deref().map(|confidence| &confidence.link_frequency);
     let column = if found.is_some() { "  found" } else { "" };
     let mut lines =

@@ -15,6 +15,7 @@ use crate::{
         runs,
         stamps::Stamps,
     },
+    report::WIDEST,
 };
 
 /// Arguments of `roscausal topics`.
@@ -89,8 +90,8 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let offsets: Vec<Option<Offset>> = offsets.into_iter().map(Offsets::finish).collect();
     let mut lines: Vec<_> = topics.iter().zip(&counts).zip(&offsets).collect();
     lines.sort_by_key(|((topic, _), _)| (&topic.name, &topic.type_name));
-    let names = topics.iter().map(|topic| topic.name.len()).max().unwrap_or(0).max(5);
-    let types = topics.iter().map(|topic| topic.type_name.len()).max().unwrap_or(0).max(4);
+    let names = topics.iter().map(|topic| topic.name.len()).max().unwrap_or(0).clamp(5, WIDEST);
+    let types = topics.iter().map(|topic| topic.type_name.len()).max().unwrap_or(0).clamp(4, WIDEST);
     let columns = "messages  rate, Hz     gap, s   offset, s  spread, s  jumps";
     say!("{:names$}  {:types$}  {columns}", "topic", "type");
     for ((topic, count), offset) in lines {

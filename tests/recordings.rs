@@ -435,6 +435,19 @@ fn the_topics_of_a_foreign_recording_are_listed_with_rate_and_longest_gap() {
 }
 
 #[test]
+fn a_topic_whose_name_is_longer_than_a_format_can_be_wide_is_listed() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let mut writer = McapWriter::create(dir.path().join("long.mcap")).expect("creates");
+    let name = format!("/{}", "t".repeat(70_000));
+    writer.write(&name, Time::from_secs_f64(1.0), &Odometry::default()).expect("writes");
+    writer.finish().expect("closes");
+    for flags in [vec![], vec!["--signals"]] {
+        let output = roscausal(dir.path(), &[vec!["topics", "long.mcap"], flags].concat());
+        assert!(output.status.success() && stated(&output).contains("/ttt"), "{}", stated(&output));
+    }
+}
+
+#[test]
 fn a_foreign_recording_without_people_is_refused_with_what_there_is() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recordings/foreign");
     for (file, reported) in [

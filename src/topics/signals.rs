@@ -7,7 +7,7 @@ use roscausal_msgs::dynamic::{Array, Found, Kind, Path, Query, Schema, Step, Wir
 use roscausal_recording::{Recording, Topic};
 
 use super::Count;
-use crate::interrupt::Interrupt;
+use crate::{interrupt::Interrupt, report::WIDEST};
 
 /// Most numbers of one topic that are listed.
 const MOST: usize = 200;
@@ -130,9 +130,9 @@ pub(super) fn run(path: &File, interrupt: &Interrupt) -> Result<()> {
         let paths = listed.iter().flat_map(|listed| &listed.signals);
         paths.map(|signal| topic.name.len() + 1 + signal.path.to_string().len()).max()
     };
-    let names = lines.iter().filter_map(width).max().unwrap_or(0).max(6);
+    let names = lines.iter().filter_map(width).max().unwrap_or(0).clamp(6, WIDEST);
     let signals = lines.iter().flat_map(|(_, listed)| listed.iter()).flat_map(|listed| &listed.signals);
-    let kinds = signals.map(|signal| signal.kind.len()).max().unwrap_or(0).max(4);
+    let kinds = signals.map(|signal| signal.kind.len()).max().unwrap_or(0).clamp(4, WIDEST);
     let columns = "rate, Hz     gap, s         least          most";
     say!("{:names$}  {:kinds$}  {columns}", "signal", "type");
     for (topic, listed) in lines {
