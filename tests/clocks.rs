@@ -150,6 +150,15 @@ fn a_few_mistaken_stamps_are_left_out_and_counted_however_far_they_are() {
 }
 
 #[test]
+fn a_mistaken_time_of_recording_is_no_silence() {
+    let dir = tempfile::tempdir().expect("a folder");
+    Walk { recorded: &|number| step(number) + if number == 300 { 2e6 } else { 0.0 }, ..SOUND }
+        .write(&dir.path().join("once.mcap"));
+    let (text, success, batches) = discover(dir.path(), &["once.mcap"]);
+    assert!(success && batches.len() == 1 && !text.contains("most seconds without"), "{text}");
+}
+
+#[test]
 fn a_clock_that_is_mostly_wrong_is_named_and_costs_no_time() {
     let dir = tempfile::tempdir().expect("a folder");
     let often = |number: u32| step(number) + if number % 5 == 2 { 3e8 } else { 0.0 };

@@ -187,18 +187,17 @@ impl<'a> Play<'a> {
                 if let Ok(clock) = topic.decode::<Clock>(&record.bytes) {
                     self.advance(clock.clock);
                 }
-            } else {
+            } else if !self.clocks.leaves_out(record.topic, number) {
+                // The time of recording may be the mistake.
                 if self.clock.is_none() {
                     self.advance(record.stamp);
                 }
-                if !self.clocks.leaves_out(record.topic, number) {
-                    if let Some(Some(stamps)) = self.stamps.get(record.topic) {
-                        let stamp = if self.clock.is_some() { self.now } else { record.stamp };
-                        stamps.set(&mut record.bytes, stamp);
-                    }
-                    self.publish(topic, &record);
-                    self.bus.settle();
+                if let Some(Some(stamps)) = self.stamps.get(record.topic) {
+                    let stamp = if self.clock.is_some() { self.now } else { record.stamp };
+                    stamps.set(&mut record.bytes, stamp);
                 }
+                self.publish(topic, &record);
+                self.bus.settle();
             }
             self.played.messages += 1;
             let progress = self.recording.recording.progress();
