@@ -37,7 +37,7 @@ pub(crate) struct TrajectoryArgs {
     /// walk like people.
     #[arg(long, value_name = "HZ")]
     frame_rate: Option<f64>,
-    /// Trajectories: unit of the positions: m, cm, mm, ft. Default: by the speeds that follow from it.
+    /// Trajectories: unit of the positions: m, cm, mm, ft, or a length such as `0.03m` (a pixel). Default: by the speeds that follow from it.
     #[arg(long, value_name = "UNIT", value_parser = flags::word::<PositionUnit>)]
     position_unit: Option<PositionUnit>,
     /// Trajectories: columns with unusual names, such as `id=ped,time=ts,x=px`, or without any, by number from 1. Roles: id, time, frame, x, y, vx, vy, speed, heading,

@@ -73,13 +73,23 @@ impl Agents {
     /// A file that is not a table of trajectories.
     pub fn read(path: &Path, reading: &TrajectoryReading) -> Result<Self> {
         let fault = |reason: String| Error::file(path, reason);
-        let grid = Grid::read(path, &reading.missing, Memory::of(reading.max_memory), |words| {
+        let mut grid = Grid::read(path, &reading.missing, Memory::of(reading.max_memory), |words| {
             layout::is_header(words, &reading.columns)
         })?;
+        let lost = reading.columns.is_empty().then(|| layout::without_boxes(&mut grid)).flatten();
         let layout = layout::of(&grid, &reading.columns).map_err(fault)?;
         let mut notes = Vec::new();
         let unit = reading.unit.or(layout::unit_of(&layout, &grid));
-        let frame_rate = reading.frame_rate.or(grid.frame_rate);
+        let mut frame_rate = reading.frame_rate.or(grid.frame_rate);
+        if let Some(lost) = lost {
+            let (pixel, rate) = (Named("position_unit"), Named("frame_rate"));
+            unit.ok_or_else(|| fault(format!("places are pixels, and {pixel} 0.03m says how long one is")))?;
+            notes.push(format!(
+                "boxes as of the Stanford drones: places are their middles, {} frames a second ({rate} says otherwise); {lost} rows \
+                 are left out, in which the agent is lost",
+                frame_rate.get_or_insert(30.0)
+            ));
+        }
         let reading = &TrajectoryReading { unit, frame_rate, ..reading.clone() };
         let raw = raw(&grid, &layout, reading, &mut notes).map_err(fault)?;
         let counts_frames =

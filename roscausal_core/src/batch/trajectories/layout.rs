@@ -6,6 +6,7 @@
 //! | named, wide | `time` or `frame`, and for each body `NAME x`, `NAME y` (motion capture: its centroid, or its markers) |
 //! | without names, 8 columns, times since 1970 | ATC: time, person, x, y, z, speed, angle of motion, angle of the face |
 //! | without names, 8 columns, otherwise | BIWI: frame, person, x, z, y, and the velocity in the same order |
+//! | without names, 10 columns | the Stanford drones: person, box (from x, y to x, y), frame, lost, occluded, generated, label |
 //! | without names, 4 to 7 columns | ETH and UCY: frame, person, x, y; JuPedSim and others: person, frame, x, y |
 
 use std::collections::BTreeMap;
@@ -73,7 +74,6 @@ pub(super) fn of(grid: &Grid, given: &BTreeMap<String, String>) -> Result<Layout
     }
     let width = grid.columns.len();
     let first = |column: usize| grid.columns.get(column).map_or(f64::NAN, |(_, column)| column.number(0));
-    // Ten, such as the boxes of the Stanford drones, are no known layout.
     if !(4..=8).contains(&width)
         || grid.columns.iter().take(4).any(|(_, column)| matches!(column, Column::Words(_)))
     {
@@ -83,19 +83,39 @@ pub(super) fn of(grid: &Grid, given: &BTreeMap<String, String>) -> Result<Layout
             Named("trajectory_columns")
         ));
     }
-    let roles = |columns: &[(&'static str, usize)]| columns.iter().copied().collect::<BTreeMap<_, _>>();
+    let long = |clock, columns: &[_]| Ok(Layout::Long(clock, columns.iter().copied().collect()));
     if width == 8 && first(0) > 1e8 {
         let columns = [("id", 1), ("x", 2), ("y", 3), ("speed", 5), ("heading", 6)];
-        return Ok(Layout::Long(Clock::Time(0, Some(Unit::Seconds)), roles(&columns)));
+        return long(Clock::Time(0, Some(Unit::Seconds)), &columns);
     }
     if width == 8 {
-        let columns = [("id", 1), ("x", 2), ("y", 4), ("vx", 5), ("vy", 7)];
-        return Ok(Layout::Long(Clock::Frame(0), roles(&columns)));
+        return long(Clock::Frame(0), &[("id", 1), ("x", 2), ("y", 4), ("vx", 5), ("vy", 7)]);
     }
     let ([frame, id], rows) = (frame_and_id(grid), grid.columns[0].1.len());
     let whole = |column: usize| (0..rows).all(|row| grid.columns[column].1.number(row).fract() == 0.0);
     let clock = if whole(frame) { Clock::Frame(frame) } else { Clock::Time(frame, None) };
-    Ok(Layout::Long(clock, roles(&[("id", id), ("x", 2), ("y", 3)])))
+    long(clock, &[("id", id), ("x", 2), ("y", 3)])
+}
+
+/// Makes places of the boxes of the Stanford drones, their middles, and names the columns. Who is lost has no place: returns in how many rows;
+/// `None` if it is another table.
+pub(super) fn without_boxes(grid: &mut Grid) -> Option<usize> {
+    const NAMES: &str = "id,x,y,xmax,ymax,frame,lost,occluded,generated,kind";
+    let number = |column: usize, row: usize| grid.columns[column].1.number(row);
+    let has_flags = |row: usize| (6..9).all(|column| [0.0, 1.0].contains(&number(column, row)));
+    let rows = grid.columns.first().map_or(0, |(_, column)| column.len());
+    let is_like_it =
+        matches!(grid.columns.as_slice(), [.., (_, Column::Words(_))] if grid.columns.len() == 10);
+    if !(grid.nameless && is_like_it && (0..rows).all(has_flags)) {
+        return None;
+    }
+    let middle = |low: usize, row: usize| f64::midpoint(number(low, row), number(low + 2, row));
+    let place = |low: usize, row: usize| if number(6, row) > 0.0 { f64::NAN } else { middle(low, row) };
+    let [x, y] = [1, 2].map(|low| Column::Numbers((0..rows).map(|row| place(low, row)).collect()));
+    let lost = (0..rows).filter(|&row| number(6, row) > 0.0).count();
+    (grid.columns[1].1, grid.columns[2].1, grid.nameless) = (x, y, false);
+    grid.columns.iter_mut().zip(NAMES.split(',')).for_each(|((name, _), given)| *name = given.to_owned());
+    Some(lost)
 }
 
 /// Which of the first two columns counts frames, and which names agents: the right way round, an agent is near its place before.
@@ -182,12 +202,9 @@ pub(super) fn unit_of(layout: &Layout, grid: &Grid) -> Option<PositionUnit> {
 fn bodies(names: &[&str]) -> BTreeMap<String, Places> {
     let mut centroids: BTreeMap<String, Places> = BTreeMap::new();
     let mut markers: BTreeMap<String, Places> = BTreeMap::new();
-    let mut of_y: BTreeMap<&str, usize> = BTreeMap::new();
-    for (y, name) in names.iter().enumerate() {
-        if let Some(stem) = stem(name, 'y') {
-            of_y.entry(stem).or_insert(y);
-        }
-    }
+    // Of columns with the same name the first counts.
+    let y = names.iter().enumerate().rev().filter_map(|(y, name)| Some((stem(name, 'y')?, y)));
+    let of_y: BTreeMap<&str, usize> = y.collect();
     for (x, name) in names.iter().enumerate() {
         let Some(stem) = stem(name, 'x') else { continue };
         let Some(&y) = of_y.get(stem) else { continue };

@@ -55,12 +55,11 @@ pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, St
     let agreed = agreement(tracks).filter(|_| missing.rate).filter(|rate| (0.9..=130.0).contains(rate));
     let rate = if missing.rate { agreed.map_or(USUAL_RATE, nearest_rate) } else { 1.0 };
     let Some(usual) = usual_speed(tracks) else {
-        return Ok(Found { rate, unit: missing.unit.unwrap_or(PositionUnit::Metres), notes });
+        return Ok(Found { rate, unit: missing.unit.unwrap_or(PositionUnit::METRES), notes });
     };
-    let of_user = missing.unit.map(|unit| [unit]);
-    let units = match &of_user {
-        Some(unit) => &unit[..],
-        None => &[PositionUnit::Metres, PositionUnit::Centimetres, PositionUnit::Millimetres],
+    let units: &[PositionUnit] = match missing.unit.as_slice() {
+        [] => &[PositionUnit::METRES, PositionUnit::CENTIMETRES, PositionUnit::MILLIMETRES],
+        of_user => of_user,
     };
     let first = units[0];
     let metres = |rate: f64, unit: PositionUnit| usual * rate / unit.per_metre();
@@ -75,18 +74,18 @@ pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, St
         fitting.min_by(|a, b| off(a.0, a.1).total_cmp(&off(b.0, b.1)))
     };
     // The user's unit is taken as it is, and so are metres if people move at all.
-    let slow = (SLOWEST..*WALK.start()).contains(&metres(rate, PositionUnit::Metres));
+    let slow = (SLOWEST..*WALK.start()).contains(&metres(rate, PositionUnit::METRES));
     let chosen = best(&[rate], &[first])
         .or_else(|| best(&[rate], units))
-        .or_else(|| best(&[rate], &[PositionUnit::Feet]).filter(|_| is_known && of_user.is_none()))
+        .or_else(|| best(&[rate], &[PositionUnit::FEET]).filter(|_| is_known && missing.unit.is_none()))
         .or_else(|| best(&RATES, units).filter(|_| !is_known))
-        .or_else(|| (slow || of_user.is_some()).then_some((rate, first)));
+        .or_else(|| (slow || missing.unit.is_some()).then_some((rate, first)));
     let Some((rate, unit)) = chosen else {
         return Err(format!(
             "nobody walks so: in metres{} the usual speed would be {:.3} m/s, and no usual unit or rate makes it one from {} to {} \
              m/s; {} (m, cm, mm, ft){} say what they are",
             if missing.rate { format!(", at {rate} frames per second,") } else { String::new() },
-            metres(rate, PositionUnit::Metres),
+            metres(rate, PositionUnit::METRES),
             WALK.start(),
             WALK.end(),
             Named("position_unit"),
@@ -106,19 +105,19 @@ pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, St
         notes.push(format!("frames are taken as {rate} per second, {why} ({setting} says otherwise)"));
     }
     let name = match unit {
-        _ if of_user.is_some() => None,
-        PositionUnit::Metres => None,
-        PositionUnit::Centimetres => Some("centimetres"),
-        PositionUnit::Millimetres => Some("millimetres"),
-        PositionUnit::Feet => Some("feet"),
+        _ if missing.unit.is_some() => None,
+        PositionUnit::CENTIMETRES => Some("centimetres"),
+        PositionUnit::MILLIMETRES => Some("millimetres"),
+        PositionUnit::FEET => Some("feet"),
+        _ => None,
     };
     let setting = Named("position_unit");
     if let Some(name) = name {
-        let speed = metres(rate, PositionUnit::Metres);
+        let speed = metres(rate, PositionUnit::METRES);
         notes.push(format!(
             "positions are taken as {name}: in metres, the usual speed would be {speed:.0} m/s ({setting} says otherwise)"
         ));
-    } else if of_user.is_none() && slow {
+    } else if missing.unit.is_none() && slow {
         let speed = metres(rate, unit);
         notes.push(format!(
             "people are slow: {speed:.2} m/s in the middle, in metres ({setting} says otherwise)"
@@ -233,7 +232,7 @@ mod tests {
         let missing = Missing { rate: true, unit: None };
         for (seed, rate) in [2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 25.0, 30.0, 16.0, 20.0].into_iter().enumerate()
         {
-            for unit in [PositionUnit::Metres, PositionUnit::Centimetres, PositionUnit::Millimetres] {
+            for unit in [PositionUnit::METRES, PositionUnit::CENTIMETRES, PositionUnit::MILLIMETRES] {
                 let tracks = people(rate, unit.per_metre() * 1.0, 10_000 * seed, true);
                 let found = of(&tracks, &missing).expect("people");
                 assert_eq!((found.rate, found.unit), (rate, unit), "{:?}", found.notes);
@@ -245,14 +244,14 @@ mod tests {
     fn without_velocities_the_rate_and_unit_are_those_of_people_and_what_nobody_walks_is_refused() {
         let missing = Missing { rate: true, unit: None };
         let found = |rate: f64, per: f64| of(&people(rate, per, 5, false), &missing).expect("people");
-        assert_eq!((found(25.0, 1.0).rate, found(25.0, 1.0).unit), (25.0, PositionUnit::Metres));
-        assert_eq!((found(25.0, 100.0).rate, found(25.0, 100.0).unit), (25.0, PositionUnit::Centimetres));
+        assert_eq!((found(25.0, 1.0).rate, found(25.0, 1.0).unit), (25.0, PositionUnit::METRES));
+        assert_eq!((found(25.0, 100.0).rate, found(25.0, 100.0).unit), (25.0, PositionUnit::CENTIMETRES));
         assert_eq!(found(2.5, 1.0).rate, 2.5, "{:?}", found(2.5, 1.0).notes);
         let seconds = Missing { rate: false, unit: None };
         let in_seconds = |per: f64| of(&people(1.0, per, 5, false), &seconds);
-        assert_eq!(in_seconds(1.0 / 0.3048).map(|found| found.unit), Ok(PositionUnit::Feet));
+        assert_eq!(in_seconds(1.0 / 0.3048).map(|found| found.unit), Ok(PositionUnit::FEET));
         assert!(in_seconds(12.0).is_err_and(|reported| reported.contains("nobody walks so")));
-        let of_user = Missing { rate: false, unit: Some(PositionUnit::Metres) };
+        let of_user = Missing { rate: false, unit: Some(PositionUnit::METRES) };
         assert!(of(&people(1.0, 40.0, 5, false), &of_user).is_ok());
     }
 

@@ -1,33 +1,38 @@
 //! What a row of a table of trajectories says of an agent, and in which unit.
 
-/// The unit of positions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PositionUnit {
-    /// `m`
-    Metres,
-    /// `cm`
-    Centimetres,
-    /// `mm`
-    Millimetres,
-    /// `ft`
-    Feet,
-}
+/// The unit of positions: how many metres one is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PositionUnit(f64);
 
 impl PositionUnit {
+    pub(super) const METRES: Self = Self(1.0);
+    pub(super) const CENTIMETRES: Self = Self(0.01);
+    pub(super) const MILLIMETRES: Self = Self(0.001);
+    pub(super) const FEET: Self = Self(0.3048);
+
     /// Units in a metre.
     pub(super) fn per_metre(self) -> f64 {
-        match self {
-            Self::Metres => 1.0,
-            Self::Centimetres => 100.0,
-            Self::Millimetres => 1000.0,
-            Self::Feet => 1.0 / 0.3048,
-        }
+        1.0 / self.0
     }
 }
 
-roscausal_discovery::words!(
-    PositionUnit, "position_unit": Metres "m", Centimetres "cm", Millimetres "mm", Feet "ft" | "feet"
-);
+impl std::str::FromStr for PositionUnit {
+    type Err = roscausal_discovery::Error;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let word = text.to_ascii_lowercase();
+        let unit = match word.as_str() {
+            "m" => Some(Self::METRES),
+            "cm" => Some(Self::CENTIMETRES),
+            "mm" => Some(Self::MILLIMETRES),
+            "ft" | "feet" => Some(Self::FEET),
+            // A length, such as that of a pixel.
+            _ => word.strip_suffix('m').and_then(|metres| metres.trim_end().parse().ok()).map(Self),
+        };
+        unit.filter(|unit| unit.0.is_finite() && unit.0 > 0.0)
+            .ok_or_else(|| Self::Err::unknown("position_unit", text, &["m", "cm", "mm", "ft", "0.03m"]))
+    }
+}
 
 /// What a row says of an agent.
 #[derive(Clone, Copy, Debug, PartialEq)]

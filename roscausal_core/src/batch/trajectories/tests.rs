@@ -92,7 +92,7 @@ fn every_layout_of_the_data_sets_gives_the_same_variables() {
         let reading = TrajectoryReading {
             unit: layout
                 .contains("000")
-                .then_some(PositionUnit::Millimetres)
+                .then_some(PositionUnit::MILLIMETRES)
                 .filter(|_| !layout.contains("stamp")),
             ..plain.clone()
         };
@@ -198,9 +198,9 @@ fn crowd(step: f64) -> Vec<(f64, u32, [f64; 2], [f64; 2])> {
 #[test]
 fn the_frame_rate_is_that_at_which_places_and_velocities_agree() {
     let units = [
-        (PositionUnit::Metres, 1.0),
-        (PositionUnit::Centimetres, 100.0),
-        (PositionUnit::Millimetres, 1000.0),
+        (PositionUnit::METRES, 1.0),
+        (PositionUnit::CENTIMETRES, 100.0),
+        (PositionUnit::MILLIMETRES, 1000.0),
     ];
     let rates = [2.5_f64, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0];
     let sets = rates.iter().flat_map(|rate| units.map(|unit| (*rate, unit)));
@@ -247,5 +247,62 @@ fn scenes_as_of_eth_and_ucy_are_read_with_those_who_stand_left_out() {
         let reported = walks.notes.join("\n");
         assert!(reported.contains("frames are taken as 25 per second"), "{number}: {reported}");
         assert!(walks.tables.iter().all(|(name, _)| name != "1" && name != "2"), "{number}");
+    }
+}
+
+#[test]
+fn the_boxes_of_the_stanford_drones_are_places_in_pixels_whose_length_must_be_told() {
+    // Boxes of odd and even sizes about the places of 0.05 m pixels, 30 frames a second; the sixth row of 7 is lost.
+    let line = |id: u32, t: f64, [x, y]: [f64; 2], lost: bool| {
+        let [x, y, frame] = [20.0 * x + 100.0, 20.0 * y + 100.0, 30.0 * t].map(f64::round);
+        let [left, top, right, bottom] = [x - 9.0, y - 12.0, x + 10.0, y + 12.0];
+        format!("{id} {left} {top} {right} {bottom} {frame} {} 0 1 \"Pedestrian\"\n", u8::from(lost))
+    };
+    let boxes = |is_lost: fn(usize) -> bool| -> String {
+        let row = |(row, (t, x, y)): (usize, (f64, f64, f64))| {
+            line(7, t, [x, y], is_lost(row)) + &line(8, t, [4.0, 0.0], false)
+        };
+        places().into_iter().enumerate().map(row).collect()
+    };
+    let reading = |columns: &[(&str, &str)], unit: Option<&str>| TrajectoryReading {
+        unit: unit.map(|unit| unit.parse().expect("a unit")),
+        columns: columns.iter().map(|(role, name)| ((*role).to_owned(), (*name).to_owned())).collect(),
+        last_is_goal: true,
+        ..TrajectoryReading::default()
+    };
+    let plain = text("id,time,x,y", |(t, x, y)| {
+        let [x, y] = [20.0 * x, 20.0 * y].map(|place| (place.round() + 100.5) * 0.05);
+        let t = (30.0 * t).round() / 30.0;
+        format!("7,{t},{x},{0}\n8,{t},{1},5.0\n", y - 0.025, 80.0 * 0.05 + 5.025)
+    });
+    let expected = one(&plain, &reading(&[], Some("m")));
+    let walks = read(&boxes(|_| false), &reading(&[], Some("0.05m")), &choice("7")).expect("boxes");
+    assert!(walks.notes.iter().any(|note| note.contains("30 frames a second")), "{:?}", walks.notes);
+    let found = &walks.tables[0].1;
+    assert_eq!((&found.names, found.values.dim()), (&expected.names, expected.values.dim()));
+    for (found, expected) in found.values.iter().zip(&expected.values) {
+        assert!(
+            (found - expected).abs() < 1e-6 || (found.is_nan() && expected.is_nan()),
+            "{found} {expected}"
+        );
+    }
+    let lost = read(&boxes(|row| row > 14), &reading(&[], Some("0.05m")), &choice("7")).expect("boxes");
+    assert!(lost.notes.iter().any(|note| note.contains("; 5 rows are left out")), "{:?}", lost.notes);
+    assert!(lost.tables[0].1.values.nrows() < expected.values.nrows(), "a place of somebody lost");
+    let refused = |unit, columns: &[(&str, &str)]| {
+        read(&boxes(|_| false), &reading(columns, unit), &choice("7")).err().map(|error| error.to_string())
+    };
+    assert!(refused(None, &[]).is_some_and(|why| why.contains("how long one is")));
+    let corner = [("id", "1"), ("frame", "6"), ("x", "2"), ("y", "3")];
+    assert_eq!(refused(Some("0.05m"), &corner), None, "columns that are named are taken");
+}
+
+#[test]
+fn a_unit_is_a_name_or_a_length() {
+    let unit = |text: &str| text.parse::<PositionUnit>().ok();
+    assert_eq!(unit("mm"), Some(PositionUnit::MILLIMETRES));
+    assert!(unit("0.03m").is_some_and(|unit| (unit.per_metre() - 1.0 / 0.03).abs() < 1e-9));
+    for text in ["px", "-1m", "0m", "nanm", "infm", "0.03"] {
+        assert_eq!(unit(text), None, "{text}");
     }
 }
