@@ -253,19 +253,18 @@ impl<'a> Scene<'a> {
                 Ok(by_distance.into_iter().take(number).map(|(_, agent)| agent).collect())
             }
             _ => {
-                let words = || who.split(',').map(str::trim);
+                let words = who.split(',').map(str::trim);
+                let (away, named): (Vec<&str>, Vec<&str>) = words.partition(|word| word.starts_with('!'));
                 let mut chosen: Vec<&Agent> = Vec::new();
-                if words().all(|word| word.starts_with('!')) {
+                for word in &named {
+                    chosen.extend(self.agents.meant(word)?);
+                }
+                if named.is_empty() {
                     chosen.extend(people());
                 }
-                for word in words() {
-                    match word.strip_prefix('!') {
-                        Some(word) => {
-                            let away = self.agents.meant(word)?;
-                            chosen.retain(|agent| away.iter().all(|other| other.name != agent.name));
-                        }
-                        None => chosen.extend(self.agents.meant(word)?),
-                    }
+                for word in away {
+                    let away = self.agents.meant(&word[1..])?;
+                    chosen.retain(|agent| away.iter().all(|other| other.name != agent.name));
                 }
                 Ok(chosen)
             }

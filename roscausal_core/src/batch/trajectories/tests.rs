@@ -142,6 +142,8 @@ fn agents_are_chosen_by_name_number_and_nearness() {
     assert_eq!(names("all"), ["7", "9"]);
     assert_eq!(names("nearest:1"), ["7"]);
     assert_eq!(names("9,7"), ["9", "7"]);
+    assert_eq!(names("!7"), ["9"]);
+    assert_eq!([names("7..9,!7"), names("!7,7..9")], [["9"], ["9"]], "in any order");
     let reported =
         read(&content, &TrajectoryReading::default(), &choice("12")).err().expect("nobody").to_string();
     assert!(reported.contains("'12' is nobody in this table; it has 7, 9, robot"), "{reported}");
