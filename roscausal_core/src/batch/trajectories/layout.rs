@@ -7,7 +7,7 @@
 //! | without names, 8 columns, times since 1970 | ATC: time, person, x, y, z, speed, angle of motion, angle of the face |
 //! | without names, 8 columns, otherwise | BIWI: frame, person, x, z, y, and the velocity in the same order |
 //! | without names, 10 columns | the Stanford drones: person, box (from x, y to x, y), frame, lost, occluded, generated, label |
-//! | without names, 4 to 7 columns | ETH and UCY: frame, person, x, y; JuPedSim and others: person, frame, x, y |
+//! | without names, 4 to 7 columns | ETH and UCY: frame, person, x, y, perhaps the velocity; JuPedSim and others: person, frame, x, y |
 
 use std::collections::BTreeMap;
 
@@ -91,10 +91,12 @@ pub(super) fn of(grid: &Grid, given: &BTreeMap<String, String>) -> Result<Layout
     if width == 8 {
         return long(Clock::Frame(0), &[("id", 1), ("x", 2), ("y", 4), ("vx", 5), ("vy", 7)]);
     }
-    let ([frame, id], rows) = (frame_and_id(grid), grid.columns[0].1.len());
+    let ([frame, id], has_velocities) = frame_and_id(grid);
+    let rows = grid.columns[0].1.len();
     let whole = |column: usize| (0..rows).all(|row| grid.columns[column].1.number(row).fract() == 0.0);
     let clock = if whole(frame) { Clock::Frame(frame) } else { Clock::Time(frame, None) };
-    long(clock, &[("id", id), ("x", 2), ("y", 3)])
+    let columns = [("id", id), ("x", 2), ("y", 3), ("vx", 4), ("vy", 5)];
+    long(clock, &columns[..if has_velocities { 5 } else { 3 }])
 }
 
 /// Makes places of the boxes of the Stanford drones, their middles, and names the columns. Who is lost has no place: returns in how many rows;
@@ -118,22 +120,33 @@ pub(super) fn without_boxes(grid: &mut Grid) -> Option<usize> {
     Some(lost)
 }
 
-/// Which of the first two columns counts frames, and which names agents: the right way round, an agent is near its place before.
-fn frame_and_id(grid: &Grid) -> [usize; 2] {
+/// Which of the first two columns counts frames, and which names agents: the right way round, an agent is near its place before. And
+/// whether the fifth and sixth are velocities: they then point where it goes.
+fn frame_and_id(grid: &Grid) -> ([usize; 2], bool) {
     const ROWS: usize = 20_000;
     let rows = grid.columns[0].1.len().min(ROWS);
     let number = |column: usize, row: usize| grid.columns[column].1.number(row);
-    let usual_step = |frame: usize, id: usize| {
+    let steps = |frame: usize, id: usize| -> Vec<[usize; 2]> {
         let mut order: Vec<usize> = (0..rows).collect();
         let key = |row: usize| (number(id, row), number(frame, row));
         order.sort_by(|&a, &b| key(a).0.total_cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)));
-        let follow = order.windows(2).filter(|pair| number(id, pair[0]) == number(id, pair[1]));
-        let length = |pair: &[usize]| {
-            libm::hypot(number(2, pair[1]) - number(2, pair[0]), number(3, pair[1]) - number(3, pair[0]))
-        };
-        median(follow.map(length)).unwrap_or(f64::INFINITY)
+        let pairs = order.windows(2).map(|pair| [pair[0], pair[1]]);
+        pairs.filter(|[a, b]| number(id, *a) == number(id, *b)).collect()
     };
-    if usual_step(1, 0) < 0.5 * usual_step(0, 1) { [1, 0] } else { [0, 1] }
+    let way = |[a, b]: [usize; 2]| [2, 3].map(|column| number(column, b) - number(column, a));
+    let length = |[x, y]: [f64; 2]| libm::hypot(x, y);
+    let usual =
+        |steps: &[[usize; 2]]| median(steps.iter().map(|&step| length(way(step)))).unwrap_or(f64::INFINITY);
+    let [frame_first, id_first] = [steps(0, 1), steps(1, 0)];
+    let (columns, steps) =
+        if usual(&id_first) < 0.5 * usual(&frame_first) { ([1, 0], id_first) } else { ([0, 1], frame_first) };
+    let (mut along, mut most) = (0.0, 0.0);
+    for step in steps.into_iter().filter(|_| grid.columns.len() > 5) {
+        let (way, velocity) = (way(step), [4, 5].map(|column| number(column, step[0])));
+        along += way[0] * velocity[0] + way[1] * velocity[1];
+        most += length(way) * length(velocity);
+    }
+    (columns, along > 0.9 * most)
 }
 
 fn of_names(names: &[&str], given: &BTreeMap<String, String>) -> Result<Layout, String> {

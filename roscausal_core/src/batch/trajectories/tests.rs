@@ -231,6 +231,21 @@ fn the_frame_rate_is_that_at_which_places_and_velocities_agree() {
 }
 
 #[test]
+fn a_velocity_behind_the_place_tells_the_rate_and_what_is_none_does_not() {
+    let notes = |line: fn((f64, u32, [f64; 2], [f64; 2])) -> String| {
+        let content: String = crowd(0.4).into_iter().map(line).collect();
+        read(&content, &TrajectoryReading::default(), &choice("all")).expect("people").notes.join("\n")
+    };
+    let with = notes(|(t, id, [x, y], [vx, vy])| {
+        format!("{:.0}\t{id}\t{x:.3}\t{y:.3}\t{vx:.3}\t{vy:.3}\n", t * 15.0)
+    });
+    assert!(with.contains("15 per second, at which places and velocities agree"), "{with}");
+    let without =
+        notes(|(t, id, [x, y], _)| format!("{:.0}\t{id}\t{x:.3}\t{y:.3}\t1.7\t{:.3}\n", t * 25.0, t.sin()));
+    assert!(without.contains("25 per second, as those of ETH and UCY"), "{without}");
+}
+
+#[test]
 fn scenes_as_of_eth_and_ucy_are_read_with_those_who_stand_left_out() {
     // Frames 25 a second of which each tenth is annotated, by tabs, by spaces, and with whole numbers.
     type Line = fn(f64, u32, f64, f64) -> String;
