@@ -102,7 +102,7 @@ pub(super) fn layout(bytes: &[u8], no_header: bool) -> Layout {
     let count = |start: usize| lines(&bytes[..start]).count() as u64;
     for (start, line) in lines(bytes) {
         let text = line.trim_ascii();
-        if text.is_empty() {
+        if matches!(text, b"" | b"#") {
             continue;
         }
         if let Some(separator) =
@@ -143,7 +143,7 @@ fn is_prose(text: &[u8], from_here: &[u8]) -> bool {
     let mut header: Option<&[u8]> = None;
     for line in lines(from_here).skip(1).take(FARTHEST).map(|(_, line)| line.trim_ascii()) {
         match (line.strip_prefix(b"#"), header) {
-            _ if line.is_empty() => {}
+            _ if matches!(line, b"" | b"#") => {}
             (Some(comment), _) => header = Some(comment.trim_ascii()),
             (None, Some(header)) => {
                 let separator = separator(header, line);
