@@ -20,6 +20,8 @@ const WALK: std::ops::RangeInclusive<f64> = 0.2..=2.5;
 /// The middle of it, and the fastest for which a rate that nothing tells is taken as that of ETH and UCY.
 const USUAL_WALK: f64 = 1.26;
 const BRISK: f64 = 1.6;
+/// Slower than this no unit is guessed beside a rate that nothing tells: another rate is likelier.
+const LIKELY: f64 = 0.4;
 /// Slower than this nobody moves who moves at all, m/s.
 const SLOWEST: f64 = 0.02;
 /// Frames per second of ETH and UCY.
@@ -76,7 +78,7 @@ pub(super) fn found(tracks: &[&[Sample]], missing: &Missing) -> Result<Found, St
     // The user's unit is taken as it is, and so are metres if people move at all.
     let slow = (SLOWEST..*WALK.start()).contains(&metres(rate, PositionUnit::METRES));
     let chosen = best(&[rate], &[first])
-        .or_else(|| best(&[rate], units))
+        .or_else(|| best(&[rate], units).filter(|&(rate, unit)| is_known || metres(rate, unit) >= LIKELY))
         .or_else(|| best(&[rate], &[PositionUnit::FEET]).filter(|_| is_known && missing.unit.is_none()))
         .or_else(|| best(&RATES, units).filter(|_| !is_known))
         .or_else(|| (slow || missing.unit.is_some()).then_some((rate, first)));
@@ -247,6 +249,9 @@ mod tests {
         assert_eq!((found(25.0, 1.0).rate, found(25.0, 1.0).unit), (25.0, PositionUnit::METRES));
         assert_eq!((found(25.0, 100.0).rate, found(25.0, 100.0).unit), (25.0, PositionUnit::CENTIMETRES));
         assert_eq!(found(2.5, 1.0).rate, 2.5, "{:?}", found(2.5, 1.0).notes);
+        // At 25 they would walk 0.2 m/s in millimetres.
+        let of_12 = found(12.5, 100.0);
+        assert_eq!(of_12.unit, PositionUnit::CENTIMETRES, "{:?}", of_12.notes);
         let seconds = Missing { rate: false, unit: None };
         let in_seconds = |per: f64| of(&people(1.0, per, 5, false), &seconds);
         assert_eq!(in_seconds(1.0 / 0.3048).map(|found| found.unit), Ok(PositionUnit::FEET));
