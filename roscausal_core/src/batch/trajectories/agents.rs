@@ -266,6 +266,16 @@ fn raw(
             }
         }
         Layout::Wide(_, bodies) => {
+            let mut different: Vec<u64> = times.iter().map(|time| time.to_bits()).collect();
+            different.sort_unstable();
+            different.dedup();
+            if 2 * different.len() < times.len() {
+                let names: Vec<&str> = grid.columns.iter().map(|(name, _)| name.as_str()).collect();
+                return Err(format!(
+                    "rows of one time are of several agents, but {}",
+                    layout::lacking("id", &names)
+                ));
+            }
             for (name, markers) in bodies {
                 for (row, &time) in times.iter().enumerate() {
                     add(name.clone(), false, Sample::at(time, middle(grid, markers, row)));

@@ -184,7 +184,7 @@ fn of_names(names: &[&str], given: &BTreeMap<String, String>) -> Result<Layout, 
     }
 }
 
-fn lacking(role: &str, names: &[&str]) -> String {
+pub(super) fn lacking(role: &str, names: &[&str]) -> String {
     let short = role.split(' ').next().unwrap_or(role);
     let (setting, names) = (Named("trajectory_columns"), names.join(", "));
     format!(

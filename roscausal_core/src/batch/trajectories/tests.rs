@@ -170,6 +170,13 @@ fn what_is_no_such_table_is_one_sentence_with_the_way_out() {
     assert!(fault("").contains("walk.csv"));
     assert!(fault("id,time,x,y\n").contains("no rows"));
     assert!(fault("id,time,x,y\n1,,3,4\n").contains("nobody is in it"));
+    // Many bodies, one below the other, are no column of one.
+    let cars = |(t, x, y): (f64, f64, f64)| format!("{t},3,{x},{y}\n{t},4,{y},{x}\n{t},5,0,{x}\n");
+    let reported = fault(&text("time,Vehicle,Local_X,Local_Y", cars));
+    assert!(
+        reported.contains("of several agents") && reported.contains("no column is called id"),
+        "{reported}"
+    );
     let content = text("ped,ts,px,py", |(t, x, y)| format!("7,{t},{x},{y}\n"));
     let columns = [("id", "ped"), ("time", "ts")].map(|(role, name)| (role.to_owned(), name.to_owned()));
     let reading = TrajectoryReading { columns: columns.into(), ..TrajectoryReading::default() };
