@@ -162,7 +162,8 @@ impl LeftOut<'_> {
             (&self.double, "they have the rows of another one".to_owned()),
         ];
         let reported = |(names, why): (&Vec<&str>, String)| {
-            let more = if names.len() > MOST { ", ..." } else { "" };
+            let more =
+                if names.len() > MOST { format!(" and {} more", names.len() - MOST) } else { String::new() };
             let listed = names.iter().take(MOST).copied().collect::<Vec<_>>().join(", ");
             let are = if names.len() == 1 { "agent is" } else { "agents are" };
             (!names.is_empty())

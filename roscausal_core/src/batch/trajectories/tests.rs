@@ -271,6 +271,10 @@ fn scenes_as_of_eth_and_ucy_are_read_with_those_who_stand_left_out() {
         let reported = walks.notes.join("\n");
         assert!(reported.contains("frames are taken as 25 per second"), "{number}: {reported}");
         assert!(walks.tables.iter().all(|(name, _)| name != "1" && name != "2"), "{number}");
+        // Two stand, and 28 are too brief: those that are not listed are counted.
+        let long = TrajectoryChoice { least_rows: 1000, ..choice("all") };
+        let reported = read(&content, &reading, &long).err().expect("nobody is left").to_string();
+        assert!(reported.contains(" and 8 more"), "{number}: {reported}");
     }
 }
 
