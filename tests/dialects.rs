@@ -397,4 +397,5 @@ fn rounded_times_and_working_days_are_one_step() {
         text("date,a,b", |i, [_, a, b]| format!("{},{a},{b}", (19_723 + i / 5 * 7 + i % 5) * 86_400));
     let model = with(content.as_bytes(), &[]).expect("working days");
     assert_eq!(model["n_recordings"], 1);
+    assert!(model["summary"]["headline"].to_string().contains("at steps of 1 day"), "{}", model["summary"]);
 }

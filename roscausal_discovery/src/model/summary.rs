@@ -139,7 +139,10 @@ impl Model {
 
     /// How it was found: `PCMCI with parcorr (alpha 0.05, lags 1..3) on 498 samples: 4 links between variables`.
     fn headline(&self) -> String {
-        let step = self.dt.map_or(String::new(), |dt| format!(" at steps of {dt:.3} s"));
+        let step = self.dt.map_or(String::new(), |dt| match self.lag_in_words(1) {
+            seconds if seconds.ends_with(" s") => format!(" at steps of {dt:.3} s"),
+            step => format!(" at steps of {step}"),
+        });
         let recordings = match self.n_recordings {
             1 => String::new(),
             n if self.settings.get("levels").is_some_and(|levels| levels == "remove") => {
