@@ -533,6 +533,17 @@ fn words_are_understood_in_any_case() {
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
 }
 
+#[test]
+fn where_no_link_is_found_the_size_that_would_have_been_is_told() {
+    for (test, words) in [
+        ("parcorr", "A partial correlation of 0.33 would"),
+        ("gpdc", "A linear effect with a partial correlation of 0.37 would"),
+    ] {
+        let reported = printed(&around(0.0, 11, "a,b"), test, &["--alpha", "0.0001"]);
+        has(&reported.split_whitespace().collect::<Vec<_>>().join(" "), &["No causal link found", words]);
+    }
+}
+
 /// Columns `a` and `b` that never have a value at the same time or one step apart, and `c` that always has one.
 fn disjoint(rows: usize) -> String {
     let mut state = 5_u64;

@@ -421,8 +421,9 @@ impl<'a> Facts<'a> {
     /// How strong a link must be to be found, where none is.
     fn missed(&self) -> Option<String> {
         let size = self.model.detectable()?;
+        let a = if self.model.cond_ind_test == "gpdc" { "linear effect with a " } else { "" };
         Some(format!(
-            "A partial correlation of {size:.2} would be found in four of five such recordings; a weaker one may be missed."
+            "A {a}partial correlation of {size:.2} would be found in four of five such recordings; a weaker one may be missed."
         ))
     }
 
