@@ -620,8 +620,9 @@ impl<'a> Rows<'a> {
             Ok(Some(time)) => Ok(time),
             _ => time::date(cell).ok_or_else(|| {
                 let (place, cell, named) = (self.place(column, place), shortened(cell), Named("time_column"));
+                let open = if cell.split('/').count() == 3 { ", or may be day or month first" } else { "" };
                 Complaint::from(format!(
-                    "{place}: '{cell}' is neither a number nor a date such as 2026-11-24T08:30:00.25+01:00; correct it, or name \
+                    "{place}: '{cell}' is neither a number nor a date such as 2026-11-24T08:30:00.25+01:00{open}; correct it, or name \
                      another column with {named} (none: there are no times)"
                 ))
             }),

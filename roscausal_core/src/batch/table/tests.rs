@@ -106,6 +106,13 @@ fn a_later_t_is_a_temperature_and_a_table_on_its_side_is_named_so() {
 }
 
 #[test]
+fn a_date_that_may_be_day_or_month_first_is_named_so() {
+    let rows = |date: &str| format!("date,a\n{date}/2026,1\n15/02/2026,2\n");
+    assert!(complaint(&rows("01/02")).contains("may be day or month first"));
+    assert!(!complaint(&rows("yesterday")).contains("day or month"));
+}
+
+#[test]
 fn missing_cells_and_constant_columns_are_told() {
     let table = parse("a,b,c\n1,,5\n2,NaN,5\n3,1,5\n").expect("reads");
     assert!(table.values[[0, 1]].is_nan());

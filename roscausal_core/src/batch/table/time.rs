@@ -185,6 +185,12 @@ pub(crate) fn date(text: &str) -> Option<f64> {
     if let Some(day) = day {
         return Some(begins(day));
     }
+    let zoned = ["%Y-%m-%d %H:%M%#z", "%Y-%m-%dT%H:%M%#z"]
+        .into_iter()
+        .find_map(|format| DateTime::parse_from_str(text, format).ok());
+    if let Some(zoned) = zoned {
+        return Some(zoned.timestamp() as f64);
+    }
     let of_day = ["%H:%M:%S%.f", "%I:%M:%S%.f %p", "%I:%M %p"]
         .into_iter()
         .find_map(|format| NaiveTime::parse_from_str(text, format).ok())?;
@@ -263,6 +269,8 @@ mod tests {
             ("1970-01-01T00:00:01Z", 1.0),
             ("1970-01-01 01:00:01.5+01:00", 1.5),
             ("1970-01-01T01:00:01.5+0100", 1.5),
+            ("1970-01-01 01:01+01:00", 60.0),
+            ("1970-01-01T01:01Z", 3660.0),
             ("1970-01-01 00:01:00", 60.0),
             ("1970/01/02 00:00:00", 86400.0),
             ("1970-01-02", 86400.0),
