@@ -385,7 +385,10 @@ impl<'a> Rows<'a> {
                 && joined == 0
                 && row_number(&second),
         );
-        columns::check_names(&header, &format!("line {line}"))?;
+        let are_numbers = || header.iter().skip(1).all(|name| name.parse::<f64>().is_ok());
+        columns::check_names(&header, &format!("line {line}")).map_err(|reason| {
+            check_stands(are_numbers(), (1, header.len())).err().unwrap_or_else(|| Complaint::from(reason))
+        })?;
         let decimal_comma = separator != b',';
         let mut this = Self {
             body,

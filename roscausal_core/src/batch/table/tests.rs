@@ -99,10 +99,13 @@ fn prose_before_a_header_behind_a_hash_is_passed_over() {
 fn a_later_t_is_a_temperature_and_a_table_on_its_side_is_named_so() {
     let table = parse("n,T,b\n1,20,3\n2,19,4\n").expect("reads");
     assert_eq!((table.names.len(), table.time), (3, None));
-    let numbers =
-        |first: &str| (0..40).fold(first.to_owned(), |line, k| line + &format!(",0.{}", 100 + k)) + "\n";
-    let reported = complaint(&[numbers("a"), numbers("b"), numbers("c")].concat());
-    assert!(reported.contains("lie on its side"), "{reported}");
+    // Also where a number comes twice in the first line.
+    for different in [40, 7] {
+        let number = |k: usize| format!(",0.{}", 100 + k % different);
+        let numbers = |first: &str| (0..40).fold(first.to_owned(), |line, k| line + &number(k)) + "\n";
+        let reported = complaint(&[numbers("a"), numbers("b"), numbers("c")].concat());
+        assert!(reported.contains("lie on its side"), "{reported}");
+    }
 }
 
 #[test]

@@ -149,8 +149,8 @@ fn as_numbers(
         Column::Other(what) => {
             let columns = Named("columns");
             return Err(Complaint::File(format!(
-                "column '{name}' holds {what}, not numbers; leave it out, such as with {columns} '!{name}', or save each part of rows and \
-                 columns as a file: each is a recording"
+                "column '{name}' holds {what}, not numbers; save each part of rows and columns as a file, which is a recording, or, if \
+                 there are others, leave it out with {columns} '!{name}'"
             )));
         }
     };
