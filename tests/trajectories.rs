@@ -138,6 +138,12 @@ fn a_table_of_people_is_told_apart_from_one_of_numbers() {
     fs::write(dir.path().join("walk.csv"), "time,id,x,y\n0,1,2,3\n0,2,2,3\n1,1,2,3\n").expect("writes");
     let reported = model(dir.path(), &["walk.csv"]).expect_err("it has several people");
     assert!(reported.contains("--format trajectories"), "{reported}");
+    let mut rows: Vec<String> = crowd().lines().map(|line| line.replace('\t', ",")).collect();
+    rows.sort_by_key(|row| row.split(',').next().and_then(|frame| frame.parse::<u32>().ok()));
+    fs::write(dir.path().join("frames.csv"), format!("frame,ped_id,x,y\n{}\n", rows.join("\n")))
+        .expect("writes");
+    let reported = model(dir.path(), &["frames.csv"]).expect_err("it has several people");
+    assert!(reported.contains("--format trajectories") && reported.contains("same frame"), "{reported}");
     let reported = model(dir.path(), &["walk.csv", "--agent", "1"]).expect_err("no trajectories");
     assert!(reported.contains("--format trajectories"), "{reported}");
     let reported = model(dir.path(), &["walk.csv", "--format", "trajectories", "--person", "1"])

@@ -1,8 +1,10 @@
 //! Columns that are not variables by themselves: they count the rows, say when a row is, or whose it is. They are left out and
 //! named; `--keep` has them.
 
+use std::collections::HashSet;
+
 use roscausal_core::batch::table::is_id;
-use roscausal_discovery::DataFrame;
+use roscausal_discovery::{DataFrame, Named};
 
 /// Rows from which a column that rises by one in each is a count, whatever its name is.
 const LONG: usize = 30;
@@ -56,6 +58,35 @@ pub(super) fn aside(data: &DataFrame, kept: impl Fn(&str) -> bool) -> Option<(Ve
     Some((
         found.into_iter().map(|(_, var)| var).collect(),
         format!("no variable by itself ({reported}; --keep has it)"),
+    ))
+}
+
+/// Why the rows are not one after the other: they are of several at a time, one below the other. A column of that time stands still while an
+/// `id` is another one in each row, and the same ones come again.
+pub(super) fn interleaved(data: &DataFrame, kept: impl Fn(&str) -> bool) -> Option<String> {
+    const FEWEST: usize = 3;
+    let (rows, names) = (data.recordings().first()?, data.var_names());
+    let ids = (0..names.len()).filter(|id| is_id(&names[*id]) && !kept(&names[*id]));
+    let mut pairs =
+        ids.flat_map(|id| (0..names.len()).filter(move |time| *time != id).map(move |time| (id, time)));
+    let is_so = |&(id, time): &(usize, usize)| {
+        let (id, time) = (rows.column(id), rows.column(time));
+        let later = || time.iter().zip(time.iter().skip(1));
+        let times = 1 + later().filter(|(a, b)| a < b).count();
+        if times <= FEWEST || FEWEST * times > 2 * rows.nrows() || !later().all(|(a, b)| a <= b) {
+            return false;
+        }
+        let different = id.iter().map(|id| id.to_bits()).collect::<HashSet<_>>().len();
+        let mut seen = HashSet::new();
+        let mut are_new = id.iter().zip(time).map(|(id, time)| seen.insert([id.to_bits(), time.to_bits()]));
+        FEWEST * different <= rows.nrows() && are_new.all(|is_new| is_new)
+    };
+    let (id, time) = pairs.find(is_so)?;
+    let (id, time, recording, format) = (&names[id], &names[time], Named("recording"), Named("format"));
+    Some(format!(
+        "rows of the same {time} are of several {id}, one below the other: {recording} {id} makes a recording of each, and \
+         {format} trajectories variables of people; {} {id} takes the rows one after the other",
+        Named("keep")
     ))
 }
 
@@ -149,6 +180,29 @@ mod tests {
         for (name, value, reported) in cases {
             assert!(left_out(name, value).is_some_and(|stated| stated.contains(reported)), "{name}");
         }
+    }
+
+    #[test]
+    fn rows_of_several_at_a_time_are_refused_unless_they_are_kept() {
+        let of = |names: [&str; 3], at: fn(usize) -> [f64; 2]| {
+            let rows =
+                Array2::from_shape_fn((60, 3), |(t, v)| if v < 2 { at(t)[v] } else { (t * t % 101) as f64 });
+            interleaved(
+                &DataFrame::new(vec![rows], names.map(str::to_owned).to_vec()).expect("three"),
+                |name| name == "kept_id",
+            )
+        };
+        let crowd = |t: usize| [(10 * (t / 4)) as f64, (7 + t % 4) as f64];
+        let reported = of(["frame", "ped_id", "a"], crowd).expect("a crowd");
+        assert!(reported.contains("same frame") && reported.contains("ped_id"), "{reported}");
+        assert_eq!(of(["frame", "kept_id", "a"], crowd), None);
+        assert_eq!(of(["year", "month", "a"], |t| [(t / 12) as f64, (t % 12) as f64]), None);
+        assert_eq!(of(["seq", "id", "a"], |t| [t as f64, (t % 3) as f64]), None, "one at a time");
+        assert_eq!(
+            of(["gear", "track", "a"], |t| [(t / 10) as f64, (t * 7 % 5) as f64]),
+            None,
+            "comes twice"
+        );
     }
 
     #[test]

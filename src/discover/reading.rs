@@ -20,7 +20,7 @@ use crate::flags;
 
 use super::{
     Data, Input,
-    aside::aside,
+    aside::{aside, interleaved},
     changes::{ChangeArgs, column},
     condition::Condition,
 };
@@ -362,6 +362,9 @@ impl PartArgs {
             })?;
         }
         let masks = self.masks(&mut data, variables)?;
+        if let Some(reason) = interleaved(&data.data, |name| read.keeps(name)).filter(|_| !data.recorded) {
+            return Err(Error::Data(reason));
+        }
         let aside = if data.recorded { None } else { aside(&data.data, |name| read.keeps(name)) };
         changes.apply(&mut data)?;
         if let Some(masks) = masks {

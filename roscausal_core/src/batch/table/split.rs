@@ -15,12 +15,12 @@ use super::{Table, out_of_order};
 
 /// Names of columns that say which recording a row is of, in lower case.
 const IDS: &str = "id subject participant person agent ped track unit run trial session episode recording sequence walk \
-                   experiment group patient";
+                   experiment group patient vehicle pedestrian object animal player user country company firm";
 
 /// Whether a column of this name may say which recording a row is of: `id`, `run`, `subject_id`, `TrialNumber` not.
 pub fn is_id(name: &str) -> bool {
     let name = name.trim().to_lowercase();
-    let stem = ["_id", "_no", "_nr", "id"].iter().find_map(|end| name.strip_suffix(end));
+    let stem = ["_id", "_no", "_nr", "_code", "id"].iter().find_map(|end| name.strip_suffix(end));
     [Some(name.as_str()), stem].into_iter().flatten().any(|name| IDS.split(' ').any(|id| id == name))
 }
 
