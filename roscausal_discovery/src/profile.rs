@@ -147,6 +147,11 @@ impl DataProfile {
     pub fn for_test(mut self, test: &str) -> Self {
         let of_categories = ["gsquared", "cmisymb", "regressionci"].contains(&test);
         self.remarks.retain(|remark| !(of_categories && remark.ends_with(TIES)));
+        if test == "robustparcorr" {
+            self.remarks
+                .iter_mut()
+                .for_each(|remark| remark.truncate(remark.find(RANKS).unwrap_or(remark.len())));
+        }
         self
     }
 
@@ -232,6 +237,8 @@ fn with_ties(variables: &[String]) -> Option<String> {
 
 /// What a test of numbers makes of categories.
 const TIES: &str = "ties blur p-values; gsquared is the test for categories";
+/// What is said of outliers, unless the test is one of ranks.
+const RANKS: &str = "; correct them, or use a test of ranks";
 
 /// Values and how often they are there.
 type Counted = Vec<(f64, usize)>;
@@ -292,8 +299,7 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (VariableProfile, Vec<St
     } else if outliers > 0 {
         let many = if outliers * 100 < spread.len() { "" } else { " in more than 1 % of the rows" };
         remarks.push(format!(
-            "{name} has outliers{many}, such as {farthest}: more than {FAR} robust deviations from the median; correct them, or use a \
-             test of ranks"
+            "{name} has outliers{many}, such as {farthest}: more than {FAR} robust deviations from the median{RANKS}"
         ));
     }
     remarks.extend(below_zero(name, &spread, &different));
@@ -576,6 +582,17 @@ mod tests {
                 profile.variables
             );
         }
+    }
+
+    #[test]
+    fn a_test_of_ranks_is_not_advised_to_who_uses_one() {
+        let mut values = noise(500, 2, 5);
+        values[[77, 1]] = 1000.0;
+        let (profile, _) = of(vec![values]);
+        let advised =
+            |test: &str| profile.clone().for_test(test).remarks.join(" ").contains("use a test of ranks");
+        assert_eq!([advised("parcorr"), advised("robustparcorr")], [true, false], "{:?}", profile.remarks);
+        assert!(profile.for_test("robustparcorr").remarks[0].contains("has outliers"));
     }
 
     #[test]
