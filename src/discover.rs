@@ -526,13 +526,20 @@ fn notes_on(tables: &[(Input, Table)]) -> Vec<String> {
             None => file.user.display().to_string(),
         }
     };
-    let line = |(of, note): (Vec<usize>, Note)| match of[..] {
-        [first, .., last] => {
-            format!("{} to {} ({} of {} tables): {note}", name(first), name(last), of.len(), tables.len())
+    let mut lines: Vec<(Vec<usize>, Vec<Note>)> = Vec::new();
+    for (of, note) in Note::gathered(notes.filter(|(_, note)| matters(note))) {
+        match lines.iter_mut().find(|(files, known)| *files == of && known[0].is_of_kind(&note)) {
+            Some((_, known)) => known.push(note),
+            None => lines.push((of, vec![note])),
         }
-        _ => format!("{}: {note}", name(of[0])),
+    }
+    let line = |(of, notes): (Vec<usize>, Vec<Note>)| match (&of[..], Note::together(&notes)) {
+        ([first, .., last], note) => {
+            format!("{} to {} ({} of {} tables): {note}", name(*first), name(*last), of.len(), tables.len())
+        }
+        (_, note) => format!("{}: {note}", name(of[0])),
     };
-    Note::gathered(notes.filter(|(_, note)| matters(note))).into_iter().map(line).collect()
+    lines.into_iter().map(line).collect()
 }
 
 /// The files with their metadata, if that mentions interventions or several people and all columns are analysed.

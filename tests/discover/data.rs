@@ -158,9 +158,9 @@ fn missing_cells_and_constant_columns_are_told_and_survived() {
         .lines()
         .enumerate()
         .map(|(i, line)| match i {
-            0 => "time,a,b,c".to_owned(),
-            2 => "0.25,,NaN,1".to_owned(),
-            _ => format!("{line},1"),
+            0 => "time,a,b,c,d".to_owned(),
+            2 => "0.25,,NaN,1,2".to_owned(),
+            _ => format!("{line},1,2"),
         })
         .collect();
     let dir = folder("data.csv", &rows.join("\n"));
@@ -171,7 +171,8 @@ fn missing_cells_and_constant_columns_are_told_and_survived() {
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     let text = String::from_utf8_lossy(&out.stdout);
     let model: Value = serde_json::from_str(&text).expect("JSON");
-    has(&model["warnings"].to_string(), &["'a': 1 of 200", "'c' is constant"]);
+    let each = ["columns 'a' (1 of 200), 'b' (1 of 200) are", "columns 'c' (1), 'd' (2) are constant"];
+    has(&model["warnings"].to_string(), &each);
     assert_eq!(model["graph"][0][1][1], "-->");
     assert_eq!(model["graph"][2][1][1], "");
     assert_eq!(

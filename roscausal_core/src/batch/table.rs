@@ -143,6 +143,34 @@ impl Note {
         told
     }
 
+    /// What notes of one kind say together, such as of all columns that are constant.
+    pub fn together(notes: &[Self]) -> String {
+        let each = notes.iter().map(|note| match note {
+            Self::Missing { column, missing, cells } => format!("'{column}' ({missing} of {cells})"),
+            Self::Constant { column, value } => format!("'{column}' ({value})"),
+            other => other.to_string(),
+        });
+        let each = each.collect::<Vec<_>>().join(", ");
+        match notes {
+            [Self::Missing { .. }, _, ..] => {
+                format!("cells of columns {each} are empty or NaN; samples that need them are left out")
+            }
+            [Self::Constant { .. }, _, ..] => {
+                format!("columns {each} are constant: they can be neither cause nor effect")
+            }
+            [note, ..] => note.to_string(),
+            [] => each,
+        }
+    }
+
+    /// Whether notes of two columns are told together.
+    pub fn is_of_kind(&self, other: &Self) -> bool {
+        matches!(
+            (self, other),
+            (Self::Missing { .. }, Self::Missing { .. }) | (Self::Constant { .. }, Self::Constant { .. })
+        )
+    }
+
     /// Whether it says the same of one file as the other of another file.
     fn is_same_matter(&self, other: &Self) -> bool {
         match (self, other) {
