@@ -401,18 +401,21 @@ impl<'a> Facts<'a> {
         let all: usize = model.outcome_counts().iter().map(|(_, count)| count).sum();
         let tested = model.count_of(Outcome::Tested);
         let is_later = model.about_data.as_ref().is_some_and(|profile| !profile.later.is_empty());
+        let lags = match model.tau_min == model.tau_max {
+            true => format!("lag {}", model.tau_max),
+            false => format!("lags {} to {}", model.tau_min, model.tau_max),
+        };
         match tested {
-            _ if is_later && model.tau_min == model.tau_max => {
-                format!("No causal link found at lag {}.", model.tau_max)
-            }
-            _ if is_later => format!("No causal link found at lags {} to {}.", model.tau_min, model.tau_max),
+            _ if is_later => format!("No causal link found at {lags}."),
             // All variables were left out by a filter, which is told beside this.
             0 if all == 0 && model.status == Status::Complete => {
                 "No causal link found: the filter let nothing through, so no link was tested.".to_owned()
             }
             0 => "No pair was tested, so nothing is known of any link.".to_owned(),
             _ if tested == all => {
-                "No causal link found between two variables: every tested pair may be independent.".to_owned()
+                format!(
+                    "No causal link found between two variables: every pair may be independent at {lags}."
+                )
             }
             _ => format!("No causal link found among the {tested} of {all} pairs and lags that were tested."),
         }
