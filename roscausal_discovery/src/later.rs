@@ -18,7 +18,7 @@ use crate::{
         rows::{dot, moments},
         student_t::correlation_p_value,
     },
-    types::{DataFrame, Named, names::plain},
+    types::{DataFrame, Named, names::plain, time_in_words},
 };
 
 /// The level for all lags and pairs together.
@@ -121,8 +121,7 @@ impl Later {
     pub fn found(found: &[Self], dt: Option<f64>) -> Option<String> {
         const MOST: usize = 3;
         let one = |later: &Self| {
-            let after = dt
-                .map_or(String::new(), |dt| format!(" ({} s)", (1e6 * dt * later.lag as f64).round() / 1e6));
+            let after = dt.map_or(String::new(), |dt| format!(" ({})", time_in_words(dt, later.lag)));
             let Self { cause, effect, lag, .. } = later;
             format!("dependence of {effect} on {cause} is strongest at lag {lag}{after}")
         };

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     numeric::rows::dot,
-    types::{DataFrame, Named, names::plain},
+    types::{DataFrame, Named, names::plain, time_in_words},
 };
 
 /// Rows that are looked at, and the longest period, at most.
@@ -66,8 +66,7 @@ impl Season {
 
     /// What was found, with the step between rows in seconds.
     pub fn found(&self, dt: Option<f64>) -> String {
-        let time =
-            dt.map_or(String::new(), |dt| format!(" ({} s)", (1e3 * dt * self.period as f64).round() / 1e3));
+        let time = dt.map_or(String::new(), |dt| format!(" ({})", time_in_words(dt, self.period)));
         let (names, period) = (self.variables.join(", "), self.period);
         format!("{names} repeat every {period} rows{time}: links between them may come from the clock alone")
     }

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     numeric::rows::{cumulated, dot, long_run_variance, moments},
-    types::{DataFrame, Named, names::plain},
+    types::{DataFrame, Named, names::plain, time_in_words},
 };
 
 /// Fewer rows than this are not looked at, more not either.
@@ -88,7 +88,7 @@ impl Unsteady {
             1 => "; 1 more pair changes".to_owned(),
             more => format!("; {more} more pairs change"),
         };
-        let at = dt.map_or(String::new(), |dt| format!(" ({} s)", (1e6 * dt * *row as f64).round() / 1e6));
+        let at = dt.map_or(String::new(), |dt| format!(" ({})", time_in_words(dt, *row)));
         Some(format!(
             "How {effect} depends on {cause} changes after row {row}{at}: correlation {before:.2} before, {after:.2} after, at lag \
              {lag}{others}"

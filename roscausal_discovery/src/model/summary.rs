@@ -18,7 +18,7 @@ use super::{Advice, Link, Model, Outcome, cells, word_of};
 use crate::{
     later::Later,
     methods::{Method, MethodInfo, Reads, Status, fdr_bh},
-    types::{LinkMark, Named, add_new, names::plain, spelled_out, text::listed},
+    types::{LinkMark, Named, add_new, names::plain, spelled_out, text::listed, time_in_words},
     unsteady::Unsteady,
 };
 
@@ -140,7 +140,7 @@ impl Model {
     /// How it was found: `PCMCI with parcorr (alpha 0.05, lags 1..3) on 498 samples: 4 links between variables`.
     fn headline(&self) -> String {
         let step = self.dt.map_or(String::new(), |dt| match self.lag_in_words(1) {
-            seconds if seconds.ends_with(" s") => format!(" at steps of {dt:.3} s"),
+            seconds if seconds.ends_with(" s") && dt > 0.005 => format!(" at steps of {dt:.3} s"),
             step => format!(" at steps of {step}"),
         });
         let recordings = match self.n_recordings {
@@ -169,15 +169,7 @@ impl Model {
 
     /// `lag` steps in words: `0.2 s`, `3 days`, `2 rows`.
     pub fn lag_in_words(&self, lag: usize) -> String {
-        const DAY: f64 = 86_400.0;
-        let days =
-            [(365.0, "year", 366.0), (89.0, "quarter", 92.0), (28.0, "month", 31.0), (7.0, "week", 7.0)];
-        let days = days.into_iter().chain([(1.0, "day", 1.0)]);
-        let Some(dt) = self.dt else { return count(lag, "row") };
-        match days.into_iter().find(|(from, _, to)| (from * DAY..=to * DAY).contains(&dt)) {
-            Some((_, name, _)) => count(lag, name),
-            None => format!("{} s", (lag as f64 * dt * 1000.0).round() / 1000.0),
-        }
+        self.dt.map_or_else(|| count(lag, "row"), |dt| time_in_words(dt, lag))
     }
 }
 
