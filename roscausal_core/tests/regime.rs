@@ -226,6 +226,26 @@ fn a_variable_that_the_user_calls_exogenous_has_no_causes_and_no_changes() {
 }
 
 #[test]
+fn dependence_at_a_lag_that_was_not_tested_is_told_by_the_node_too() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::create_dir_all(dir.path().join("pp")).expect("makes");
+    let mut state = 17;
+    let a: Vec<f64> = (0..600).map(|_| unit(&mut state) - 0.5).collect();
+    let row = |t: usize| {
+        let b = if t < 3 { 0.0 } else { a[t - 3] } + 0.3 * (unit(&mut state) - 0.5);
+        format!("{:.1},{},{b}\n", 1000.0 + 0.1 * t as f64, a[t])
+    };
+    let csv = format!("time,a,b\n{}", (0..600).map(row).collect::<String>());
+    fs::write(dir.path().join("pp/data_000.json"), "{}").expect("writes");
+    fs::write(dir.path().join("pp/data_000.csv"), csv).expect("writes");
+    run(&bus(dir.path(), &[]), dir.path());
+    let summary = model(dir.path(), 0).summary();
+    let stated = summary.conclusion.join(" ");
+    assert!(stated.contains("dependence of b on a is strongest at lag 3 (0.3 s)"), "{stated}");
+    assert!(summary.advice.iter().any(|advice| advice.text.contains("Test longer lags")), "{stated}");
+}
+
+#[test]
 fn batches_that_do_not_fit_begin_a_new_regime_and_none_is_rejected() {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();

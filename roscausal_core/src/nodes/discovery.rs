@@ -12,7 +12,7 @@ use std::{
 };
 
 use roscausal_discovery::{
-    Control, Evidence, Levelled, Levels, Model, Progress,
+    Control, DataProfile, Evidence, Levelled, Levels, Model, Progress,
     changes::{Form, Status},
     confidence::{resample, set_step},
     draw,
@@ -536,6 +536,11 @@ fn method(
             })?,
         };
         set_step(&mut model, joint.dt);
+        let profile = DataProfile::of(&part.data, settings.tau_max).0.for_test(&settings.cond_ind_test);
+        model.about_data = match settings.test.as_tigramite {
+            true => Some(profile),
+            false => Some(profile.with_later(&part.data, settings.tau_max, joint.dt)),
+        };
         model.warnings.extend(note);
         model.n_recordings = part.data.recordings().len();
         let person = part.person.map_or(String::new(), |id| format!("_person_{id}"));
