@@ -772,10 +772,10 @@ fn out_of_order(place: &str, before: f64, time: f64, id: &str) -> String {
         true => ("goes back", "sort the rows".to_owned()),
         false => ("stands still", format!("resample the rows with {}", Named("dt"))),
     };
-    let (recording, format) = (Named("recording"), Named("format"));
+    let (recording, format, column) = (Named("recording"), Named("format"), Named("time_column"));
     format!(
         "{place}: time {what} (from {before} to {time}); {way}; several recordings in one table: {recording} '{id}'; a row for each of \
-         several people and robots: {format} trajectories"
+         several people and robots: {format} trajectories; the column is no time: {column} none"
     )
 }
 

@@ -109,6 +109,12 @@ fn a_later_t_is_a_temperature_and_a_table_on_its_side_is_named_so() {
 }
 
 #[test]
+fn a_t_that_is_a_temperature_is_told_how_to_be_one() {
+    let reported = complaint("p,t\n1,16.5\n2,15.5\n3,17.0\n");
+    assert!(reported.contains("goes back") && reported.contains("none"), "{reported}");
+}
+
+#[test]
 fn a_date_that_may_be_day_or_month_first_is_named_so() {
     let rows = |date: &str| format!("date,a\n{date}/2026,1\n15/02/2026,2\n");
     assert!(complaint(&rows("01/02")).contains("may be day or month first"));
