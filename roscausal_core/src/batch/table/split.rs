@@ -47,8 +47,15 @@ impl Table {
                 return Err(format!("there is no column '{column}'; columns: {}", self.names.join(", ")));
             }
         };
+        let missing = keys.iter().filter(|key| key.is_nan()).count();
+        if missing > 0 {
+            let recording = Named("recording");
+            return Err(format!(
+                "column '{column}' has no value in {missing} rows; {recording} needs one in each row"
+            ));
+        }
         let mut rows: Vec<(f64, Vec<usize>)> = Vec::new();
-        for (row, key) in keys.into_iter().enumerate().filter(|(_, key)| !key.is_nan()) {
+        for (row, key) in keys.into_iter().enumerate() {
             match rows.iter_mut().rev().find(|(other, _)| *other == key) {
                 Some((_, of_key)) => of_key.push(row),
                 None => rows.push((key, vec![row])),
@@ -67,11 +74,9 @@ impl Table {
             Ok((format!("{column} {key}"), Self { names, values, time, notes: Vec::new() }))
         };
         let mut parts = rows.into_iter().map(part).collect::<Result<Vec<_>, _>>()?;
-        let Some((_, first)) = parts.first_mut() else {
-            let recording = Named("recording");
-            return Err(format!("column '{column}' has no value; {recording} needs one in each row"));
-        };
-        first.notes = self.notes;
+        if let Some((_, first)) = parts.first_mut() {
+            first.notes = self.notes;
+        }
         Ok(parts)
     }
 }
@@ -97,6 +102,15 @@ mod tests {
             parts
                 .iter()
                 .all(|(_, part)| part.names == ["v"] && part.time.as_deref() == Some(&[0.0, 0.1][..]))
+        );
+    }
+
+    #[test]
+    fn a_row_of_no_recording_is_refused_since_without_it_others_would_follow_one_another() {
+        let mut table = table(None);
+        table.values[[1, 0]] = f64::NAN;
+        assert!(
+            table.by_recording("id", false).is_err_and(|reported| reported.contains("no value in 1 rows"))
         );
     }
 
