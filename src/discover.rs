@@ -528,7 +528,9 @@ fn notes_on(tables: &[(Input, Table)]) -> Vec<String> {
     };
     let mut lines: Vec<(Vec<usize>, Vec<Note>)> = Vec::new();
     for (of, note) in Note::gathered(notes.filter(|(_, note)| matters(note))) {
-        match lines.iter_mut().find(|(files, known)| *files == of && known[0].is_of_kind(&note)) {
+        let kind = |note: &Note| note.column().map(|_| std::mem::discriminant(note));
+        let is_of_kind = |known: &Note| kind(known).is_some() && kind(known) == kind(&note);
+        match lines.iter_mut().find(|(files, known)| *files == of && is_of_kind(&known[0])) {
             Some((_, known)) => known.push(note),
             None => lines.push((of, vec![note])),
         }

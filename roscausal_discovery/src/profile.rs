@@ -148,9 +148,9 @@ impl DataProfile {
         let of_categories = ["gsquared", "cmisymb", "regressionci"].contains(&test);
         self.remarks.retain(|remark| !(of_categories && remark.ends_with(TIES)));
         if test == "robustparcorr" {
-            self.remarks
-                .iter_mut()
-                .for_each(|remark| remark.truncate(remark.find(RANKS).unwrap_or(remark.len())));
+            for remark in &mut self.remarks {
+                remark.truncate(remark.find(RANKS).unwrap_or(remark.len()));
+            }
         }
         self
     }

@@ -143,7 +143,7 @@ impl Note {
         told
     }
 
-    /// What notes of one kind say together, such as of all columns that are constant.
+    /// What notes of one kind, each about a column, say together.
     pub fn together(notes: &[Self]) -> String {
         let each = notes.iter().map(|note| match note {
             Self::Missing { column, missing, cells } => format!("'{column}' ({missing} of {cells})"),
@@ -158,17 +158,9 @@ impl Note {
             [Self::Constant { .. }, _, ..] => {
                 format!("columns {each} are constant: they can be neither cause nor effect")
             }
-            [note, ..] => note.to_string(),
-            [] => each,
+            [note] => note.to_string(),
+            _ => each,
         }
-    }
-
-    /// Whether notes of two columns are told together.
-    pub fn is_of_kind(&self, other: &Self) -> bool {
-        matches!(
-            (self, other),
-            (Self::Missing { .. }, Self::Missing { .. }) | (Self::Constant { .. }, Self::Constant { .. })
-        )
     }
 
     /// Whether it says the same of one file as the other of another file.

@@ -28,15 +28,9 @@ impl fmt::Display for Named {
 
 /// So many steps of `dt` seconds in words: `0.2 s`, `3 days`.
 pub(crate) fn time_in_words(dt: f64, steps: usize) -> String {
-    const DAYS: [(f64, &str, f64); 5] = [
-        (365.0, "year", 366.0),
-        (89.0, "quarter", 92.0),
-        (28.0, "month", 31.0),
-        (7.0, "week", 7.0),
-        (1.0, "day", 1.0),
-    ];
+    let days = [(365.0, "year", 366.0), (89.0, "quarter", 92.0), (28.0, "month", 31.0), (7.0, "week", 7.0)];
     let is = |(from, _, to): &(f64, &str, f64)| (*from..=*to).contains(&(dt / 86_400.0));
-    let Some((_, name, _)) = DAYS.into_iter().find(is) else {
+    let Some((_, name, _)) = days.into_iter().chain([(1.0, "day", 1.0)]).find(is) else {
         // Three digits behind the point, or two that are not 0.
         let seconds = steps as f64 * dt;
         let digits = (1.0 - libm::log10(seconds).floor()).clamp(3.0, 12.0);

@@ -185,10 +185,8 @@ pub(crate) fn date(text: &str) -> Option<f64> {
     if let Some(day) = day {
         return Some(begins(day));
     }
-    let zoned = ["%Y-%m-%d %H:%M%#z", "%Y-%m-%dT%H:%M%#z"]
-        .into_iter()
-        .find_map(|format| DateTime::parse_from_str(text, format).ok());
-    if let Some(zoned) = zoned {
+    let zoned = |format: &&str| DateTime::parse_from_str(text, format).ok();
+    if let Some(zoned) = ["%Y-%m-%d %H:%M%#z", "%Y-%m-%dT%H:%M%#z"].iter().find_map(zoned) {
         return Some(zoned.timestamp() as f64);
     }
     let of_day = ["%H:%M:%S%.f", "%I:%M:%S%.f %p", "%I:%M %p"]

@@ -1,6 +1,9 @@
 //! The agents in a table, and their states as the human node computes them.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+};
 
 use roscausal_discovery::Named;
 use roscausal_msgs::geometry_msgs::{Point, Quaternion};
@@ -266,9 +269,7 @@ fn raw(
             }
         }
         Layout::Wide(_, bodies) => {
-            let mut different: Vec<u64> = times.iter().map(|time| time.to_bits()).collect();
-            different.sort_unstable();
-            different.dedup();
+            let different: BTreeSet<u64> = times.iter().map(|time| time.to_bits()).collect();
             if 2 * different.len() < times.len() {
                 let names: Vec<&str> = grid.columns.iter().map(|(name, _)| name.as_str()).collect();
                 return Err(format!(
