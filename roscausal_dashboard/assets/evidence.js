@@ -31,7 +31,7 @@ export function showEvidence(place, link, model, models, seen, words) {
   if (found) {
     plots.append(lagFunction(found, model.level));
     const axes = [`${found.cause}(t-${found.lag})`, `${found.effect}(t)`];
-    plots.append(dots(found.scatter, "Samples", ...axes));
+    plots.append(dots(found.scatter, `${found.scatter.length} of ${found.n_samples} samples`, ...axes));
     if (found.residuals.length) plots.append(dots(found.residuals, "After the conditions (linear)", ...axes));
   }
   const close = Object.assign(make("button", "Close"), { type: "button", id: "asked-close" });

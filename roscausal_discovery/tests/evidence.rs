@@ -91,6 +91,15 @@ fn the_size_is_limited_however_many_links_there_are() {
 }
 
 #[test]
+fn no_linear_residuals_are_kept_for_a_test_of_any_form() {
+    let settings = Settings { method: Method::Pcmci, cond_ind_test: "gpdc".into(), ..Settings::default() };
+    let data = chain(2, 150, 7);
+    let (_, evidence) = analyse_with_evidence(&data, &settings, &Control::default()).unwrap();
+    assert!(evidence.links.iter().any(|link| !link.conditions.is_empty()), "{evidence:?}");
+    assert!(evidence.links.iter().all(|link| link.residuals.is_empty() && !link.scatter.is_empty()));
+}
+
+#[test]
 fn evidence_reads_back_as_it_was_written() {
     let (_, evidence) = found(&chain(3, 200, 5), Method::Pcmciplus);
     let read: Evidence = serde_json::from_str(&evidence.to_json()).unwrap();

@@ -57,7 +57,7 @@ pub fn lag_function(link: &LinkEvidence, alpha: f64) -> String {
 
 /// The samples of a link: cause at `t - lag` across, effect at `t` upwards.
 pub fn scatter(link: &LinkEvidence) -> String {
-    dots(link, "samples", &link.scatter)
+    dots(link, &format!("{} of {} samples", link.scatter.len(), link.n_samples), &link.scatter)
 }
 
 /// What the conditions leave of cause and effect; `None` without conditions.
@@ -131,7 +131,7 @@ mod tests {
     fn each_finite_sample_is_a_dot_and_a_name_stays_text() {
         let svg = scatter(&link());
         assert_eq!(svg.matches("h0").count(), 2);
-        assert!(svg.contains("&lt;b&gt;(t−2)") && !svg.contains("NaN"));
+        assert!(svg.contains("&lt;b&gt;(t−2)") && svg.contains(">3 of 3 samples<") && !svg.contains("NaN"));
         assert!(residual_scatter(&link()).is_none());
     }
 }

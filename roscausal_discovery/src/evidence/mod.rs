@@ -70,7 +70,7 @@ pub struct LinkEvidence {
     pub band: Option<f64>,
     /// Cause at `t - lag` and effect at `t`, in their units.
     pub scatter: Vec<[f32; 2]>,
-    /// What a linear regression on the conditions leaves of both, in their units.
+    /// What a linear regression on the conditions leaves of both, in their units; none where strengths have no sign.
     pub residuals: Vec<[f32; 2]>,
 }
 
@@ -176,6 +176,6 @@ fn gathered(
         lags,
         band,
         scatter,
-        residuals,
+        residuals: if model.has_sign() { residuals } else { Vec::new() },
     }
 }
