@@ -9,9 +9,9 @@ use super::{
 use crate::types::unique;
 
 const WIDTH: f64 = 900.0;
-const LEFT: f64 = 110.0;
-/// Most letters of a name, which leave room for the numbers of its axis.
-const LETTERS: usize = 8;
+const LEFT: f64 = 60.0;
+/// Most letters of a name and its unit, above their strip.
+const LETTERS: usize = 90;
 const STRIP: f64 = 110.0;
 
 /// Places along the time that the eye can tell apart: three for each unit of the picture's width.
@@ -35,11 +35,9 @@ pub fn series(names: &[String], units: &[&str], values: ArrayView2<f64>, dt: Opt
     for (strip, (name, column)) in names.iter().zip(values.columns()).enumerate() {
         let (top, bottom) = (30.0 + STRIP * strip as f64, 30.0 + STRIP * (strip as f64 + 0.82));
         let y = Axis::around(column.iter().copied(), bottom, top);
-        let at = Point::new(12.0, (top + bottom) / 2.0 + 5.0);
-        svg.text(at, 14.0, "start", INK, &cut(&display(name), LETTERS));
-        if let Some(unit) = units.get(strip).filter(|unit| !unit.is_empty()) {
-            svg.text(at.plus(0.0, 17.0), 12.0, "start", INK, &cut(unit, LETTERS));
-        }
+        let unit = units.get(strip).filter(|u| !u.is_empty()).map_or(String::new(), |u| format!(" ({u})"));
+        let name = cut(&(display(name) + &unit), LETTERS);
+        svg.text(Point::new(LEFT, top - 5.0), 13.0, "start", INK, &name);
         let gaps = gaps(column.iter().map(|v| v.is_finite()), per_place);
         let imposed = imposed.iter().map(|rows| (rows, "imposed", "#f59e0b", 0.22));
         for ((from, to), class, fill, opacity) in
@@ -121,12 +119,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_missing_sample_breaks_the_line() {
+    fn a_missing_sample_breaks_the_line_and_the_name_is_whole() {
         let values = array![[0.0], [1.0], [f64::NAN], [2.0], [3.0]];
-        let svg = series(&["h_v".to_owned()], &["m/s"], values.view(), Some(0.1));
+        let svg = series(&["speed_of_the_robot".to_owned()], &["m/s"], values.view(), Some(0.1));
         let line = svg.lines().find(|line| line.contains("#1d4ed8")).expect("has a line");
         assert_eq!(line.matches("M ").count(), 2);
-        assert!(!svg.contains("NaN") && svg.contains(">m/s<"));
+        assert!(!svg.contains("NaN") && svg.contains(">speed_of_the_robot (m/s)<"));
         assert_eq!(svg.matches("class=\"gap\"").count(), 1);
         assert_eq!(gaps([true, false, false, true, false].into_iter(), 1), [(1, 2), (4, 4)]);
     }
