@@ -85,6 +85,21 @@ fn strip_time(html: &str) -> String {
 }
 
 #[test]
+fn the_arrows_of_a_strength_without_a_sign_are_seen_in_the_dark() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), chain(["a", "b", "c"], 150)).expect("writes");
+    let html = report(dir.path(), &["data.csv", "--method", "pcmci", "--test", "gpdc"]);
+    for part in ["stroke", "fill"] {
+        // The picture has the colour, and the style says what it is on dark ground.
+        let colour = format!("{part}=\"#475569\"");
+        assert!(
+            html.contains(&format!(" {colour}")) && html.contains(&format!("svg [{colour}]")),
+            "{colour}"
+        );
+    }
+}
+
+#[test]
 fn the_command_in_a_report_has_no_flag_that_its_method_refuses() {
     let dir = tempfile::tempdir().expect("a folder");
     fs::write(dir.path().join("data.csv"), chain(["a", "b", "c"], 300)).expect("writes");
