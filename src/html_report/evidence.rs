@@ -64,8 +64,9 @@ fn card(material: &Material, place: usize, link: &Link, seen: &LinkEvidence) -> 
         let _ = writeln!(out, "<div><dt>{name}</dt><dd>{}</dd></div>", escaped(&value));
     }
     out += "</dl>\n<div class=\"plots\">\n";
+    let level = model.link_level().unwrap_or(model.alpha);
     let plots = [
-        (Some(draw::lag_function(seen, model.link_level().unwrap_or(model.alpha))), "Strength at each lag"),
+        (Some(draw::lag_function(seen, level, model.has_sign())), "Strength at each lag"),
         ((!seen.scatter.is_empty()).then(|| draw::scatter(seen)), "Samples of cause and effect"),
         (draw::residual_scatter(seen), "Samples after the conditions"),
     ];

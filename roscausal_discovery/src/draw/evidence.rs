@@ -3,7 +3,7 @@
 use super::{
     axis::Axis,
     point::Point,
-    svg::{INK, NEGATIVE, POSITIVE, Svg, cut, display},
+    svg::{INK, NEGATIVE, POSITIVE, Svg, UNSIGNED, cut, display},
 };
 use crate::evidence::LinkEvidence;
 
@@ -17,8 +17,8 @@ const RIGHT: f64 = WIDTH - 12.0;
 const LETTERS: usize = 16;
 
 /// Strength against lag. Full dots are significant at `alpha`; the shaded band holds what is not, where the test has a
-/// formula for it. A ring marks the lag of this link.
-pub fn lag_function(link: &LinkEvidence, alpha: f64) -> String {
+/// formula for it. A ring marks the lag of this link. Colours show the sign, if strengths have one.
+pub fn lag_function(link: &LinkEvidence, alpha: f64, has_sign: bool) -> String {
     let mut svg = frame("strength at each lag", "lag in steps", "");
     let values = || link.lags.iter().map(|at| at.value);
     let band = link.band.unwrap_or(0.0);
@@ -35,10 +35,11 @@ pub fn lag_function(link: &LinkEvidence, alpha: f64) -> String {
     }
     y.draw_left(&mut svg, LEFT, RIGHT, 5);
     let zero = y.at(0.0);
+    let colours = if has_sign { [POSITIVE, NEGATIVE] } else { [UNSIGNED; 2] };
     let every = link.lags.len().div_ceil(12).max(1);
     for (place, at) in link.lags.iter().enumerate() {
         let (px, py) = (x.at(at.lag as f64), y.at(at.value));
-        let colour = if at.value < 0.0 { NEGATIVE } else { POSITIVE };
+        let colour = colours[usize::from(at.value < 0.0)];
         svg.raw(&format!(
             "<path d=\"M {px:.1} {zero:.1} V {py:.1}\" stroke=\"{colour}\" stroke-width=\"1.6\"/>"
         ));
@@ -121,10 +122,12 @@ mod tests {
 
     #[test]
     fn the_significant_lag_is_full_and_the_links_own_lag_has_a_ring() {
-        let svg = lag_function(&link(), 0.05);
+        let svg = lag_function(&link(), 0.05, true);
         assert_eq!(svg.matches("r=\"3.6\" fill=\"#ffffff\"").count(), 2);
         assert_eq!(svg.matches("r=\"7\"").count(), 1);
         assert_eq!(svg.matches("class=\"band\"").count(), 1);
+        let unsigned = lag_function(&link(), 0.05, false);
+        assert!(svg.contains(POSITIVE) && !unsigned.contains(POSITIVE), "no colour without a sign");
     }
 
     #[test]

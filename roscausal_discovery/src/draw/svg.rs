@@ -21,7 +21,7 @@ pub(super) const FAINT: &str = "#9aa5b1";
 pub(super) const POSITIVE: &str = "#c2410c";
 pub(super) const NEGATIVE: &str = "#1d4ed8";
 /// Of a strength without a sign.
-const UNSIGNED: &str = "#475569";
+pub(super) const UNSIGNED: &str = "#475569";
 
 impl Svg {
     pub(super) fn new(width: f64, height: f64) -> Self {
