@@ -24,10 +24,10 @@ pub(super) struct Arrow<'a> {
     pub(super) mark: LinkMark,
 }
 
-/// One arrow for each mark of a pair, by cause and then effect. There is one place for each direction: the second mark of a pair, mirrored,
-/// takes that of the other direction. Where that is taken, its links join the first.
+/// One arrow for each mark of a pair, by cause and then effect. The second mark of a pair, mirrored, takes the place of the other direction;
+/// where that is taken, the next place beside them.
 pub(super) fn arrows<'a>(model: &'a Model) -> Vec<Arrow<'a>> {
-    let mut pairs = std::collections::BTreeMap::<(usize, usize), Vec<&'a Link>>::new();
+    let mut pairs = std::collections::BTreeMap::<(usize, usize, usize), Vec<&'a Link>>::new();
     let holds = |held: Option<&Vec<&Link>>, link: &Link| {
         let first = held.and_then(|held| held.first());
         first.is_some_and(|first| first.mark == link.mark && (link.mark == BOTH || first.cause == link.cause))
@@ -37,19 +37,19 @@ pub(super) fn arrows<'a>(model: &'a Model) -> Vec<Arrow<'a>> {
     let mut more = Vec::new();
     for link in links {
         let Some((from, to)) = model.places(&link.cause, &link.effect) else { continue };
-        let held = pairs.get(&(from, to));
-        match link.mark != BOTH && (held.is_none() || holds(held, link)) {
-            true => pairs.entry((from, to)).or_default().push(link),
+        let held = pairs.get(&(from, to, 0));
+        match from == to || (link.mark != BOTH && (held.is_none() || holds(held, link))) {
+            true => pairs.entry((from, to, 0)).or_default().push(link),
             false => more.push(((from, to), link)),
         }
     }
     for ((from, to), link) in more {
-        let slots = [(from, to), (to, from)];
-        let same = slots.into_iter().find(|slot| holds(pairs.get(slot), link));
-        let free = slots.into_iter().find(|slot| !pairs.contains_key(slot));
-        pairs.entry(same.or(free).unwrap_or((from, to))).or_default().push(link);
+        let slots = [0_usize, 1, 2].map(|place| [(from, to, place), (to, from, place)]);
+        let same = slots.into_iter().flatten().find(|slot| holds(pairs.get(slot), link));
+        let free = slots.into_iter().flatten().find(|slot| !pairs.contains_key(slot));
+        pairs.entry(same.or(free).unwrap_or((from, to, 0))).or_default().push(link);
     }
-    let arrow = |((from, to), links): ((usize, usize), Vec<&'a Link>)| {
+    let arrow = |((from, to, _), links): ((usize, usize, usize), Vec<&'a Link>)| {
         let is_mirrored = links.first().is_some_and(|link| model.features.get(from) != Some(&link.cause));
         Arrow::new(from, to, links, is_mirrored)
     };
@@ -124,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_second_mark_of_a_pair_is_an_arrow_of_its_own() {
+    fn every_mark_of_a_pair_is_an_arrow_of_its_own() {
         let mut model = crate::model::example();
         let link = |cause: &str, effect: &str, lag, mark: &str| Link {
             cause: cause.into(),
@@ -136,12 +136,18 @@ mod tests {
         };
         model.links =
             vec![link("h_v", "h_dg", 2, "-->"), link("h_v", "h_dg", 0, "<->"), link("h_dg", "h_v", 1, "<->")];
-        let drawn = arrows(&model);
-        let of: Vec<_> = drawn
-            .iter()
-            .map(|arrow| (arrow.from, arrow.to, arrow.mark.symbol(), arrow.links.len()))
-            .collect();
-        assert_eq!(of, [(0, 1, "-->", 1), (1, 0, "<->", 2)]);
+        let drawn = |model: &Model| -> Vec<_> {
+            let of = |arrow: &Arrow<'_>| (arrow.from, arrow.to, arrow.mark.symbol(), arrow.links.len());
+            arrows(model).iter().map(of).collect()
+        };
+        assert_eq!(drawn(&model), [(0, 1, "-->", 1), (1, 0, "<->", 2)]);
+        model.links[2] = link("h_dg", "h_v", 1, "-->");
+        assert_eq!(drawn(&model), [(0, 1, "-->", 1), (0, 1, "<->", 1), (1, 0, "-->", 1)]);
+        // Each takes another way, and has a label; a fourth line is the legend's.
+        let svg = crate::draw::dag(&model);
+        let lines = svg.lines().filter(|line| line.starts_with("<path") && line.contains("stroke-opacity"));
+        assert_eq!(lines.collect::<std::collections::BTreeSet<_>>().len(), 4, "{svg}");
+        assert_eq!(svg.matches("class=\"link\"").count(), 6, "{svg}");
     }
 
     #[test]

@@ -32,7 +32,7 @@ pub(crate) const MATRIX_FROM: usize = 16;
 /// Links per variable from which a graph with a matrix is a ring without labels.
 const CROWDED: usize = 3;
 
-/// One arrow to lay out, and the width of its label in pixels. At most one per ordered pair.
+/// One arrow to lay out, and the width of its label in pixels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edge {
     pub(crate) from: usize,

@@ -1,6 +1,6 @@
 //! Variables on a ring. An arrow is an arc; the arrow back takes another arc.
 //!
-//! Each arrow takes the first of a list of bends that keeps clear of all other circles and of the arrow back. Then each
+//! Each arrow takes the first of a list of bends that keeps clear of all other circles and of the pair's other arrows. Then each
 //! label takes the first free place along its arrow. If a label finds none, the ring grows and all begins again.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -60,7 +60,7 @@ fn places(n: usize, radius: f64) -> Vec<Point> {
 /// An arc for each arrow, clear of all circles but its own two; loops look outwards, with their labels.
 fn arcs(nodes: &[Point], edges: &[Edge]) -> Option<Vec<Route>> {
     // The bends in use, seen from the variable with the smaller number.
-    let mut back = std::collections::BTreeMap::new();
+    let mut bends = std::collections::BTreeMap::<_, Vec<f64>>::new();
     let mut routes = Vec::with_capacity(edges.len());
     for edge in edges {
         let (from, to) = (nodes[edge.from], nodes[edge.to]);
@@ -75,19 +75,19 @@ fn arcs(nodes: &[Point], edges: &[Edge]) -> Option<Vec<Route>> {
             continue;
         }
         let side = if edge.from < edge.to { 1.0 } else { -1.0 };
-        let taken: Option<&f64> = back.get(&(edge.to, edge.from));
+        let taken = bends.entry((edge.from.min(edge.to), edge.from.max(edge.to))).or_default();
         let others = || {
             let own = [edge.from, edge.to];
             nodes.iter().enumerate().filter(move |(i, _)| !own.contains(i)).map(|(_, &node)| node)
         };
         let found = BENDS.iter().find_map(|&bend| {
-            if taken.is_some_and(|taken| (taken - side * bend).abs() < APART) {
+            if taken.iter().any(|taken| (taken - side * bend).abs() < APART) {
                 return None;
             }
             let path = arc(from, to, bend);
             others().all(|node| distance(&path, node) > NODE + CLEAR).then_some((bend, path))
         })?;
-        back.insert((edge.from, edge.to), side * found.0);
+        taken.push(side * found.0);
         routes.push(Route { path: found.1, label: None });
     }
     Some(routes)
