@@ -80,10 +80,11 @@ impl Film {
             ));
         }
         let Some(first) = frames.first() else {
-            svg.push_str("</svg>\n");
-            return svg;
+            return svg + "</svg>\n";
         };
-        add(clock(frames.len(), length, height + 14.0));
+        let (y, to, all) = (height + 14.0, length * FASTER, simulation.time());
+        add(clock(frames.len(), length, y));
+        add(format!("<text x=\"56\" y=\"{y:.0}\" fill=\"{INK}\">of the first {to:.0} of {all:.0} s</text>"));
         add(bar(scale, width - MARGIN, height + 10.0));
         add(legend(height + 34.0, !first.crowd.is_empty()));
         let mut body = |way: Vec<Vec2>, colour: &str, radius: f64, with_line: bool| {
@@ -129,8 +130,7 @@ impl Film {
                 values.join(";")
             ));
         }
-        svg.push_str("</svg>\n");
-        svg
+        svg + "</svg>\n"
     }
 }
 
@@ -218,7 +218,7 @@ mod tests {
         assert_eq!(svg.matches("values=").count(), 2 * 6 + 1 + 10);
         assert!(svg.contains("dur=\"1.7s\"") && !svg.contains("NaN"), "10 s in a sixth of the time");
         let half = film.svg(&simulation, 5.0);
-        assert!(half.len() < svg.len());
+        assert!(half.len() < svg.len() && half.contains(">of the first 5 of 10 s<"), "which part it shows");
     }
 
     #[test]
