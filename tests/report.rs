@@ -58,6 +58,7 @@ fn data_give_a_report_with_each_link_its_evidence_and_the_way_to_it_again() {
         assert!(html.contains(&value), "{value}");
     }
     assert_eq!(html.matches("Strength at each lag").count(), links.len());
+    assert!(html.contains("To cite: roscausal"), "how to cite");
     for words in
         ["Data check", "Caveats", "roscausal discover data.csv --method pcmci --test parcorr", "--seed 42"]
     {

@@ -197,11 +197,11 @@ fn caveats(model: &Model) -> String {
 }
 
 fn reproduce(material: &Material) -> String {
+    let (version, command) = (env!("CARGO_PKG_VERSION"), escaped(&material.command));
     let content = format!(
         "<p>The same data, settings and seed give the same model, byte for byte, on any number of threads. \
-         Made with roscausal {}.</p>\n<pre tabindex=\"0\">{}</pre>\n",
-        env!("CARGO_PKG_VERSION"),
-        escaped(&material.command)
+         Made with roscausal {version}.</p>\n<pre tabindex=\"0\">{command}</pre>\n\
+         <p>To cite: roscausal {version} (its CITATION.cff names the papers of the methods), and Castri et al. 2024, arXiv:2402.16068.</p>\n"
     );
-    section("reproduce", "How to reproduce", &content)
+    section("reproduce", "How to reproduce and to cite", &content)
 }
