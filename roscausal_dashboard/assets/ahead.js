@@ -36,7 +36,7 @@ export class Ahead {
   prediction(news) {
     this.newest = news;
     const share = news.coverage;
-    const held = share === null || share === undefined ? "not scored yet" : `${Math.round(100 * share)} % of the outcomes of late lay within their intervals`;
+    const held = share === null || share === undefined ? "not scored yet" : `${Math.round(100 * share)} % of recent outcomes fell within their intervals`;
     $("ahead-state").textContent = `Prediction from ${clock(news.t)}, ${news.forecasts[0]?.mean.length ?? 0} steps of ${+news.dt?.toFixed(3) || "?"} s ahead. Coverage: ${held}.`;
     this.choices(news.forecasts.map((forecast) => forecast.variable));
     this.fans("go", news);
@@ -70,7 +70,7 @@ export class Ahead {
     const now = anew ? (low + high) / 2 : Number(slider.value);
     [slider.min, slider.max] = [low, high];
     slider.value = now;
-    if (anew) $("act-shown").textContent = "move the slider";
+    if (anew) $("act-shown").textContent = "(move the slider)";
   }
 
   get chosen() {
@@ -100,7 +100,7 @@ export class Ahead {
     this.action = undefined;
     this.charts.ahead = this.charts.ahead.filter((fan) => fan.kind === "go");
     $("act-clear").disabled = true;
-    $("act-shown").textContent = "move the slider";
+    $("act-shown").textContent = "(move the slider)";
     $("candidates").replaceChildren();
     $("ahead-advice").textContent = "";
     $("rests").hidden = true;

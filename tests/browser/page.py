@@ -344,13 +344,14 @@ class Page:
             fan, course = ends(".fan.go"), ends(".course")
             return fan[1] > course[1] and fan[0] < fan[1]
         until("the fan goes beyond what was", ahead)
-        until("the coverage", lambda: re.search(r"Coverage: \d+ % of the outcomes", self.text("ahead-state")), 120)
+        until("the coverage", lambda: re.search(r"Coverage: \d+ % of recent outcomes", self.text("ahead-state")), 120)
 
     def a_slider_asks_what_if_and_candidates_stand_side_by_side(self):
         find = lambda id: self.driver.find_element(By.ID, id)
         heads = lambda: self.js("[...document.querySelectorAll('#candidates h3')].map((h) => h.textContent)")
         value = lambda: float(self.js("document.getElementById('act-value').value"))
         Select(find("act-variable")).select_by_value("h_risk")
+        assert self.text("ahead-tools").count("were set to (move the slider)") == 1, self.text("ahead-tools")
         Select(find("act-cost")).select_by_value("+h_v")
         find("act-value").send_keys(Keys.HOME)
         find("act-value").send_keys(Keys.ARROW_RIGHT)

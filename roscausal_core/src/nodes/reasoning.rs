@@ -539,7 +539,7 @@ impl<M: Middleware> Node<M> {
             ..ExplainResponse::default()
         };
         if (from == Time::ZERO) != (to == Time::ZERO) {
-            let reason = "give both times of the change, or 0 for both: the largest one of late".to_owned();
+            let reason = "give both times of the change, or 0 for both: the largest recent one".to_owned();
             return reply.send(refuse(Status::BadRequest, reason));
         }
         let (model, moment) = match self.situation(to) {
