@@ -475,6 +475,8 @@ class Page:
 
     def wide_and_light_it_is_accessible(self):
         self.look(1440, 1000, "light")
+        cut = self.js("(() => { const g = document.getElementById('graph'); return g.scrollHeight - g.clientHeight; })()")
+        assert cut <= 1, f"{cut} pixels of the graph are hidden"
         # With the evidence of a link open.
         self.js("document.querySelector('#links .asking').click()")
         self.picture("wide-light")
