@@ -3,8 +3,8 @@
 //! 1. A link between two variables has a word. Where its chance was measured, that of the chance. Else its p-value must stand out among
 //!    all tests of the run (Benjamini and Hochberg), and half of the resamples must have it, where there are any; then it is `beyond
 //!    chance`. What does not stand out is `may be chance`, and nothing is claimed of it; nor of dependence, which is no cause.
-//! 2. The conclusion has at most [`MOST_SENTENCES`]: what is claimed, firmest first; what chance gives; what is wrong with the data or
-//!    was not tested; what would look the same.
+//! 2. The conclusion has at most [`MOST_SENTENCES`]: what is claimed, firmest first, and what would look the same; what chance gives;
+//!    what is wrong with the data or was not tested.
 //! 3. The advice is ordered by what it would change: the time budget, longer lags, a period, the number of tests, more rows, causes that
 //!    were not recorded.
 //!
@@ -274,6 +274,9 @@ impl<'a> Facts<'a> {
         let mut reported: Vec<String> =
             WORDS[..CLAIMS].iter().filter_map(|word| self.claimed(word)).collect();
         let claims = self.links.iter().filter(|link| link.is_claim()).count();
+        if claims > 0 && self.info.is_some_and(|info| !info.hidden_causes) {
+            reported.push("Each may instead come of something not recorded that drives both.".into());
+        }
         if self.links.is_empty() {
             reported.push(self.nothing_found());
         } else {
@@ -289,9 +292,6 @@ impl<'a> Facts<'a> {
             reported.extend(self.missed());
         }
         reported.extend(self.untested());
-        if claims > 0 && self.info.is_some_and(|info| !info.hidden_causes) {
-            reported.push("Each may instead come of something not recorded that drives both.".into());
-        }
         if claims > 0 && !model.has_sign() && self.info.is_some_and(|info| info.uses_test) {
             let test = &model.cond_ind_test;
             reported.push(format!("{test} sees any form: whether more gives more or less it does not say."));
@@ -568,5 +568,7 @@ mod tests {
             "{summary:?}"
         );
         assert!(summary.links.len() == 4 && summary.conclusion.len() <= MOST_SENTENCES);
+        // It is of the claims, so nothing stands between.
+        assert!(summary.conclusion[1].starts_with("Each may instead come of"), "{summary:?}");
     }
 }
