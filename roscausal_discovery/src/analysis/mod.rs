@@ -315,6 +315,11 @@ mod tests {
             let strict =
                 Settings { cond_ind_test, alpha, f_alpha: Some(f_alpha), ..settings(Method::Fpcmci) };
             let model = analyse(&pair(), &strict, &Control::default()).unwrap();
+            let concluded = model.summary().conclusion.join(" ");
+            assert!(
+                !concluded.contains("no link was tested"),
+                "a test may be what left them out: {concluded}"
+            );
             (model.dropped.len(), model.warnings.join("; "))
         };
         let (dropped, nothing_through) = reported(1e-300, 0.05);

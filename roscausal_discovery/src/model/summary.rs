@@ -399,9 +399,9 @@ impl<'a> Facts<'a> {
         };
         match tested {
             _ if is_later => format!("No causal link found at {lags}."),
-            // All variables were left out by a filter, which is told beside this.
+            // All variables were left out, by which of the two is told beside this.
             0 if all == 0 && model.status == Status::Complete => {
-                "No causal link found: the filter let nothing through, so no link was tested.".to_owned()
+                "No causal link found: no variable passes both the filter and the test.".to_owned()
             }
             0 => "No pair was tested, so nothing is known of any link.".to_owned(),
             _ if tested == all => {
