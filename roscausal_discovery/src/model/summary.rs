@@ -377,8 +377,7 @@ impl<'a> Facts<'a> {
         match rest {
             0 => why.map(|why| format!("O{}.", &why[1..])),
             _ if claims == 0 => Some(format!(
-                "None of the {} between variables stands out from chance, so report none{because}.",
-                count(all, "link")
+                "None of the links between two variables ({all} found) stands out from chance, so report none{because}."
             )),
             _ => {
                 let (is, it) = if rest == 1 { ("is", "it") } else { ("are", "them") };
@@ -556,7 +555,7 @@ mod tests {
         }
         let few = model.summary();
         assert!(few.links.iter().all(|link| link.sure == "may be chance" && !link.is_claim()), "{few:?}");
-        assert!(few.conclusion[0].starts_with("None of the 4 links between variables stands out"), "{few:?}");
+        assert!(few.conclusion[0].starts_with("None of the links between two variables (4 found) stands"), "{few:?}");
     }
 
     #[test]
