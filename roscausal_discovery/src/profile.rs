@@ -31,7 +31,7 @@ const FEWEST_ROWS: usize = 40;
 /// The 1 % point of the KPSS statistic of a level.
 const KPSS_1_PERCENT: f64 = 0.739;
 /// Fewer samples than this are few.
-const FEW: usize = 50;
+pub(crate) const FEW: usize = 50;
 /// Values farther from the median than this many robust deviations are outliers.
 const FAR: f64 = 10.0;
 /// So many of the variables that cost rows are named.

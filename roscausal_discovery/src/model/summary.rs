@@ -18,6 +18,7 @@ use super::{Advice, Link, Model, Outcome, cells, word_of};
 use crate::{
     later::Later,
     methods::{Method, MethodInfo, Reads, Status, fdr_bh},
+    profile::FEW,
     types::{LinkMark, Named, add_new, names::plain, spelled_out, text::listed, time_in_words},
     unsteady::Unsteady,
 };
@@ -484,7 +485,7 @@ impl<'a> Facts<'a> {
     fn longer(&self) -> Option<String> {
         let model = self.model;
         let Some(confidence) = &model.confidence else {
-            let has_few = self.links.is_empty() && self.missed().is_some();
+            let has_few = model.n_samples < FEW || (self.links.is_empty() && self.missed().is_some());
             return has_few.then(|| "Record longer, to find weaker links.".to_owned());
         };
         let chance = |of: &Advice| {
@@ -555,7 +556,15 @@ mod tests {
         }
         let few = model.summary();
         assert!(few.links.iter().all(|link| link.sure == "may be chance" && !link.is_claim()), "{few:?}");
-        assert!(few.conclusion[0].starts_with("None of the links between two variables (4 found) stands"), "{few:?}");
+        let none = "None of the links between two variables (4 found) stands out";
+        assert!(few.conclusion[0].starts_with(none), "{few:?}");
+    }
+
+    #[test]
+    fn a_short_recording_is_advised_to_be_longer() {
+        let of = |n_samples| Model { n_samples, ..example() }.summary().advice;
+        let is_told = |n_samples| of(n_samples).iter().any(|one| one.text.starts_with("Record longer"));
+        assert!(is_told(FEW - 1) && !is_told(FEW));
     }
 
     #[test]
