@@ -143,12 +143,12 @@ static WRITTEN: LazyLock<clap::Command> = LazyLock::new(Cli::command);
 
 /// The same, with the flags of each subcommand in groups.
 static GROUPED: LazyLock<clap::Command> = LazyLock::new(|| {
-    let has_groups = |sub: &&clap::Command| {
+    let has_groups = |(_, sub): &(usize, &clap::Command)| {
         !sub.has_subcommands() && sub.get_arguments().any(|arg| arg.get_help_heading().is_some())
     };
-    WRITTEN.get_subcommands().filter(has_groups).map(grouped).fold(WRITTEN.clone(), |command, sub| {
-        let name = sub.get_name().to_owned();
-        command.mut_subcommand(name, |_| sub)
+    WRITTEN.get_subcommands().enumerate().filter(has_groups).fold(WRITTEN.clone(), |all, (place, sub)| {
+        let new = grouped(sub).display_order(place).hide(sub.is_hide_set());
+        all.mut_subcommand(sub.get_name(), |_| new)
     })
 });
 
@@ -316,6 +316,18 @@ mod tests {
                 HEADINGS.iter().filter_map(|of| long.find(&format!("\n{of}:\n"))).collect();
             assert!(headings.is_sorted(), "{long}");
         }
+    }
+
+    #[test]
+    fn the_list_of_subcommands_begins_with_the_demo_and_has_no_old_name() {
+        let help = super::command().render_help().to_string();
+        let (_, listed) = help.split_once("Commands:\n").expect("a list");
+        // What goes on below a name is indented farther.
+        let listed =
+            listed.lines().take_while(|line| !line.is_empty()).filter(|line| !line.starts_with("   "));
+        let names: Vec<&str> = listed.filter_map(|line| line.split_whitespace().next()).collect();
+        assert!(names.starts_with(&["demo", "discover", "show"]), "{names:?}");
+        assert!(!names.contains(&"report") && !names.contains(&"man"), "{names:?}");
     }
 
     #[test]
