@@ -85,7 +85,7 @@ fn rows(model: &Model, summary: &Summary, most: usize) -> Vec<String> {
         let when =
             if link.lag == 0 { "same time".to_owned() } else { model.lag_in_words(link.lag) + " later" };
         let sure = match (link.chance, link.confidence) {
-            (Some(chance), _) => format!("{}, chance {:.0} %", link.sure, (100.0 * chance).clamp(1.0, 99.0)),
+            (Some(of), _) => format!("{}, probability {:.0} %", link.sure, (100.0 * of).clamp(1.0, 99.0)),
             (None, Some(share)) => format!("{}, in {:.0} % of resamples", link.sure, 100.0 * share),
             _ => link.sure.to_owned(),
         };
@@ -157,7 +157,7 @@ fn interval(link: &Link) -> String {
     }
 }
 
-/// `; unsure (chance 9 %): in 20 of 100 resamples`; where no chance was measured `; in 97 of 100 resamples`.
+/// `; unsure (probability 9 %): in 20 of 100 resamples`; where no chance was measured `; in 97 of 100 resamples`.
 fn found(model: &Model, link: &Link) -> String {
     let done = model.confidence.as_ref().map_or(100, |confidence| confidence.resampling.done);
     let word = link.word().map_or(String::new(), |word| format!("; {word}"));

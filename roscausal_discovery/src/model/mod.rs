@@ -176,11 +176,11 @@ impl Link {
         }
     }
 
-    /// `likely (chance 62 %)`; no word where the chance was not measured.
+    /// `likely (probability 62 %)`; no word where the chance was not measured.
     pub fn word(&self) -> Option<String> {
         // Neither 0 nor 100: it is never that sure.
         let percent = |chance: f64| (100.0 * chance).clamp(1.0, 99.0);
-        self.chance.map(|chance| format!("{} (chance {:.0} %)", word_of(chance.max(0.1)), percent(chance)))
+        self.chance.map(|of| format!("{} (probability {:.0} %)", word_of(of.max(0.1)), percent(of)))
     }
 
     /// Its size: `0.1 more h_risk: 0.05 to 0.2 less h_v`.

@@ -561,6 +561,13 @@ mod tests {
     }
 
     #[test]
+    fn how_likely_a_link_is_real_is_not_called_chance() {
+        // "chance 99 %" beside "may be chance" reads as if luck had made it.
+        let word = Link { chance: Some(0.62), ..Link::default() }.word();
+        assert_eq!(word.as_deref(), Some("likely (probability 62 %)"));
+    }
+
+    #[test]
     fn a_short_recording_is_advised_to_be_longer() {
         let of = |n_samples| Model { n_samples, ..example() }.summary().advice;
         let is_told = |n_samples| of(n_samples).iter().any(|one| one.text.starts_with("Record longer"));
