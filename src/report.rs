@@ -100,14 +100,17 @@ fn rows(model: &Model, summary: &Summary, most: usize) -> Vec<String> {
     };
     let cells: Vec<[String; 5]> = summary.links.iter().take(most).map(of).collect();
     let width = |k: usize| cells.iter().map(|row| row[k].chars().count()).max().unwrap_or(0).min(WIDEST);
-    let widths = [0, 1, 2, 3].map(width);
+    let widths @ [a, b, c, d, _] = [0, 1, 2, 3, 4].map(width);
+    // Beside long names there is no room: what is said of a pair stands below it.
+    let is_long = widths.iter().sum::<usize>() + 10 > WIDTH;
     let row = |[pair, when, strength, p, sure]: &[String; 5]| {
-        let [a, b, c, d] = widths;
-        format!("  {pair:a$}  {when:>b$}  {strength:>c$}  {p:d$}  {sure}").trim_end().to_owned()
+        let rest = format!("{when:>b$}  {strength:>c$}  {p:d$}  {sure}");
+        let lines = if is_long { wrapped("  ", pair) } else { vec![format!("  {pair:a$}  {rest}")] };
+        lines.into_iter().chain(is_long.then(|| format!("    {rest}"))).map(|line| line.trim_end().to_owned())
     };
     let more = summary.links.len().saturating_sub(most);
     let more = (more > 0).then(|| format!("  {more} more, none of them firmer: --all"));
-    cells.iter().map(row).chain(more).collect()
+    cells.iter().flat_map(row).chain(more).collect()
 }
 
 /// "h_v at t-1 (0.3 s earlier) drives h_dg: strength 0.49, p < 0.001".

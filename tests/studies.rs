@@ -71,6 +71,19 @@ fn the_summary_of_each_study_is_the_one_that_was_looked_at_and_fits_a_screen() {
 }
 
 #[test]
+fn long_names_fit_a_screen_too() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let table = fs::read_to_string(folder().join("s01.csv")).expect("a study");
+    let (_, rows) = table.split_once('\n').expect("rows");
+    let [cause, effect] = ["distance_to_the_nearest_person_in_front", "walking_speed_of_the_person_followed"];
+    fs::write(dir.path().join("long.csv"), format!("time,{cause},{effect},hand\n{rows}")).expect("writes");
+    let out = roscausal(dir.path(), &["discover", "long.csv", "--method", "pcmci", "--test", "parcorr"]);
+    let text = String::from_utf8_lossy(&out.stdout);
+    assert!(text.contains(&format!("\n  {cause} -->\n  {effect}\n    0.1 s later  0.")), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+}
+
+#[test]
 fn terminal_json_and_report_have_the_same_facts() {
     let dir = tempfile::tempdir().expect("a folder");
     let files = &studies()["s02"];
