@@ -64,7 +64,7 @@ pub(crate) fn text_with(model: &Model, detail: Detail, advice: bool) -> String {
 }
 
 /// A text in lines that fit a terminal: the first begins with `mark`, the others below its end.
-fn wrapped(mark: &str, text: &str) -> Vec<String> {
+pub(crate) fn wrapped(mark: &str, text: &str) -> Vec<String> {
     let indent = " ".repeat(if mark == "note: " { 2 } else { mark.len() });
     let mut words = text.split(' ');
     let (mut lines, mut line) = (Vec::new(), format!("{mark}{}", words.next().unwrap_or_default()));

@@ -47,6 +47,9 @@ fn the_same_seed_gives_the_same_batches_and_models_with_any_number_of_threads() 
     let closing = |text: &str| text[text.find("What if").expect("a what-if")..].to_owned();
     let stated = closing(&text);
     assert!(stated.contains("Why did") && stated.contains("go on: after 10 steps (3 s)"), "{stated}");
+    // A command to copy is one line.
+    let mut said = stated.lines().filter(|line| !line.starts_with("  roscausal "));
+    assert!(said.all(|line| line.chars().count() <= 80), "{stated}");
     assert!(stated.contains("roscausal whatif one/model.json --data one/pp_pool/analysed/"), "{stated}");
     assert_eq!(stated, closing(&again).replace("two/", "one/"));
     let batches = one.keys().filter(|name| name.starts_with("pp_pool/analysed/") && name.ends_with(".csv"));

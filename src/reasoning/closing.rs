@@ -10,6 +10,7 @@ use roscausal_reasoning::{
 };
 
 use super::inputs::{Ready, SourceArgs};
+use crate::report::wrapped;
 
 /// What the robot can change about the paper's scenario, and what this does to them.
 const PAPER: (&str, &str) = ("h_risk", "h_v");
@@ -62,17 +63,13 @@ pub(crate) fn closing(
         let why = answer::explain(&ready.model, &situation, &why);
         let mut lines =
             vec![format!("What if {cause} were {value} from now on, as low as in a tenth of the samples?")];
-        lines.extend(outlook.outlooks.iter().map(|one| format!("  {}", one.text)));
-        lines.extend(Some(&outlook.message).filter(|message| !message.is_empty()).map(|m| format!("  {m}")));
+        lines.extend(outlook.outlooks.iter().flat_map(|one| wrapped("  ", &one.text)));
+        let message = Some(&outlook.message).filter(|message| !message.is_empty());
+        lines.extend(message.into_iter().flat_map(|message| wrapped("  ", message)));
         lines.push(format!("Why did {effect} change at the end?"));
-        lines.push(format!("  {}", if why.text.is_empty() { &why.message } else { &why.text }));
-        let mut notes: Vec<&String> = Vec::new();
-        for note in outlook.caveats.iter().chain(&why.caveats) {
-            if !notes.contains(&note) {
-                notes.push(note);
-            }
-        }
-        lines.extend(notes.into_iter().map(|note| format!("  note: {note}")));
+        lines.extend(wrapped("  ", if why.text.is_empty() { &why.message } else { &why.text }));
+        let new = why.caveats.iter().filter(|note| !outlook.caveats.contains(note));
+        lines.extend(outlook.caveats.iter().chain(new).flat_map(|note| wrapped("  note: ", note)));
         let files: Vec<String> = data.iter().map(|path| path.display().to_string()).collect();
         let of = format!("{} --data {}", model.display(), files.join(","));
         lines.push("Ask it yourself (docs/reasoning.md):".to_owned());
