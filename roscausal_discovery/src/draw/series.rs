@@ -51,7 +51,7 @@ pub fn series(names: &[String], units: &[&str], values: ArrayView2<f64>, dt: Opt
             ));
         }
         if column.iter().any(|v| v.is_finite()) {
-            y.draw_left(&mut svg, LEFT, right, 3);
+            y.draw_left(&mut svg, LEFT, right, 5);
         }
         svg.raw(&format!(
             "<path d=\"M {LEFT} {top:.1} V {bottom:.1} H {right:.1}\" fill=\"none\" stroke=\"{INK}\" stroke-width=\"1\"/>"
@@ -125,6 +125,9 @@ mod tests {
         let line = svg.lines().find(|line| line.contains("#1d4ed8")).expect("has a line");
         assert_eq!(line.matches("M ").count(), 2);
         assert!(!svg.contains("NaN") && svg.contains(">speed_of_the_robot (m/s)<"));
+        // An axis of one number has no scale: of -3.2 to 3.4 that was 0.
+        let noise = series(&["a".to_owned()], &[], array![[-3.2], [3.4]].view(), None);
+        assert!(noise.contains(">−2<") && noise.contains(">2<"), "{noise}");
         assert_eq!(svg.matches("class=\"gap\"").count(), 1);
         assert_eq!(gaps([true, false, false, true, false].into_iter(), 1), [(1, 2), (4, 4)]);
     }
