@@ -358,7 +358,7 @@ fn kpss(column: &ArrayView1<'_, f64>) -> Option<f64> {
     (long_run > 0.0).then(|| squares / (n as f64).powi(2) / long_run)
 }
 
-/// How many values of a sorted sample lie far out, and the farthest.
+/// How many values of a sorted sample lie far out, and the farthest to four digits.
 fn outliers(sorted: &[f64]) -> (usize, f64) {
     let median = sorted[sorted.len() / 2];
     let mut off: Vec<f64> = sorted.iter().map(|v| (v - median).abs()).collect();
@@ -369,6 +369,7 @@ fn outliers(sorted: &[f64]) -> (usize, f64) {
     }
     let ends = [sorted[0], sorted[sorted.len() - 1]];
     let farthest = if (ends[0] - median).abs() > (ends[1] - median).abs() { ends[0] } else { ends[1] };
+    let farthest = format!("{farthest:.3e}").parse().unwrap_or(farthest);
     (sorted.iter().filter(|v| (*v - median).abs() > FAR * robust).count(), farthest)
 }
 
@@ -600,7 +601,7 @@ mod tests {
         type Change = fn(usize, f64, f64) -> f64;
         let changes: [(&str, Change); 6] = [
             ("drifts", |t, v, _| v + 0.02 * t as f64),
-            ("has outliers, such as 1000", |t, v, _| if t == 77 { 1000.0 } else { v }),
+            ("has outliers, such as 1000:", |t, v, _| if t == 77 { 1000.0321 } else { v }),
             ("stands still at 3 for 200 rows", |t, v, _| if (100..300).contains(&t) { 3.0 } else { v }),
             ("c (5) has few different values", |t, _, _| (t * 7 % 5) as f64),
             ("is a combination of a, b", |_, v, other| 2.0 * v - other),
