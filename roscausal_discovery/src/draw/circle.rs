@@ -14,14 +14,22 @@ const USUAL: f64 = 8.0;
 /// Width of a letter, as a part of its height.
 const LETTER: f64 = 0.6;
 
+/// The size of all names of a graph: that in which each fits into its circle.
+pub(super) fn size(names: &[String]) -> f64 {
+    let of = |name: &String| {
+        let lines = lines(&display(name));
+        let longest = lines.iter().map(|line| line.chars().count()).max().unwrap_or(0).max(4);
+        let room = if lines.len() > 1 { 1.4 } else { 1.6 };
+        room * NODE / (LETTER * longest as f64)
+    };
+    names.iter().map(of).fold(16.0, f64::min).max(SMALLEST)
+}
+
 /// Draws a variable. A name that does not fit is cut; the whole name is shown on hover and read aloud.
-pub(super) fn variable(svg: &mut Svg, at: Point, name: &str) {
+pub(super) fn variable(svg: &mut Svg, at: Point, name: &str, size: f64) {
     svg.raw(&format!("<g class=\"node\"><title>{}</title>", escaped(&display(name))));
     svg.circle(at, NODE, "#eef2f6", INK, 1.6);
     let lines = lines(&display(name));
-    let longest = lines.iter().map(|line| line.chars().count()).max().unwrap_or(0).max(4);
-    let room = if lines.len() > 1 { 1.4 } else { 1.6 };
-    let size = (room * NODE / (LETTER * longest as f64)).clamp(SMALLEST, 16.0);
     let first = at.y + 0.36 * size - 0.55 * size * (lines.len() - 1) as f64;
     for (row, line) in lines.iter().enumerate() {
         svg.text(Point::new(at.x, first + 1.1 * size * row as f64), size, "middle", INK, line);

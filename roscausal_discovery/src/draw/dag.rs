@@ -2,7 +2,7 @@
 
 use super::{
     arrows::{Arrow, arrows, merged},
-    circle::variable,
+    circle::{size, variable},
     layout::{Edge, MATRIX_FROM, Route, plan},
     matrix::{Matrix, matrix},
     maybe::{Maybe, maybes},
@@ -91,7 +91,8 @@ fn picture(model: &Model, matrix: Option<Matrix<'_>>) -> String {
     }
     let between: Vec<(&Maybe, &Route)> = maybes.iter().zip(plan.routes.iter().skip(arrows.len())).collect();
     draw_maybes(&mut svg, &between, &model.features, moved);
-    model.features.iter().zip(&plan.nodes).for_each(|(name, at)| variable(&mut svg, moved(at), name));
+    let (size, nodes) = (size(&model.features), model.features.iter().zip(&plan.nodes));
+    nodes.for_each(|(name, at)| variable(&mut svg, moved(at), name, size));
     if let Some(matrix) = matrix {
         matrix.draw(&mut svg, MARGIN.plus(plan.width + 40.0, 0.0));
     }
@@ -202,6 +203,18 @@ mod tests {
         assert!(open.contains(explained) && !plain.contains(explained));
         // One at the link, one in the legend.
         assert_eq!(open.matches("<circle").count(), plain.matches("<circle").count() + 2);
+    }
+
+    #[test]
+    fn names_have_one_size() {
+        let mut model = example();
+        model.features[0] = "room_temperature".into();
+        let sizes: std::collections::BTreeSet<String> = dag(&model)
+            .split("class=\"node\"")
+            .skip(1)
+            .filter_map(|node| Some(node.split_once("font-size=\"")?.1.split_once('"')?.0.to_owned()))
+            .collect();
+        assert_eq!(sizes.len(), 1, "{sizes:?}");
     }
 
     #[test]
