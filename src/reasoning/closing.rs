@@ -64,8 +64,7 @@ pub(crate) fn closing(
         let mut lines =
             vec![format!("What if {cause} were {value} from now on, as low as in a tenth of the samples?")];
         lines.extend(outlook.outlooks.iter().flat_map(|one| wrapped("  ", &one.text)));
-        let message = Some(&outlook.message).filter(|message| !message.is_empty());
-        lines.extend(message.into_iter().flat_map(|message| wrapped("  ", message)));
+        lines.extend(outlook.message.lines().flat_map(|line| wrapped("  ", line)));
         lines.push(format!("Why did {effect} change at the end?"));
         lines.extend(wrapped("  ", if why.text.is_empty() { &why.message } else { &why.text }));
         let new = why.caveats.iter().filter(|note| !outlook.caveats.contains(note));
