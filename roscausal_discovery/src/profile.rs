@@ -142,6 +142,12 @@ impl DataProfile {
         (profile, faults)
     }
 
+    /// Whether the levels of both change over the recording, which alone makes dependence at any lag.
+    pub(crate) fn both_drift(&self, names: [&String; 2]) -> bool {
+        let drifts = |one: &&VariableProfile| one.kpss.is_some_and(|kpss| kpss > KPSS_1_PERCENT);
+        self.variables.iter().filter(drifts).filter(|one| names.contains(&&one.name)).count() == 2
+    }
+
     /// Without what is no matter for a test of this name.
     #[must_use]
     pub fn for_test(mut self, test: &str) -> Self {
@@ -168,7 +174,8 @@ impl DataProfile {
         let memory = self.variables.iter().filter(|v| v.distinct > 1);
         let memory =
             memory.map(|v| (rows - v.missing) as f64 / v.effective_samples.max(1.0)).fold(1.0, f64::max);
-        self.later = Later::of(data, tau_max, memory);
+        let later = Later::of(data, tau_max, memory).into_iter();
+        self.later = later.filter(|one| !self.both_drift([&one.cause, &one.effect])).collect();
         self.unsteady = Unsteady::of(data, tau_max);
         let reported = [Later::reported(&self.later, dt), Unsteady::reported(&self.unsteady, dt)];
         self.remarks.splice(0..0, reported.into_iter().flatten());

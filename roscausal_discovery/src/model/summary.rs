@@ -289,6 +289,7 @@ impl<'a> Facts<'a> {
         let [later, season, unsteady] = self.seen();
         reported.extend(later.map(|found| format!("Seen, but not tested: {found}.")));
         reported.extend([season, unsteady].into_iter().flatten().map(|found| found + "."));
+        reported.extend(self.drifting());
         if self.links.is_empty() {
             reported.extend(self.missed());
         }
@@ -299,6 +300,14 @@ impl<'a> Facts<'a> {
         }
         reported.truncate(MOST_SENTENCES);
         reported
+    }
+
+    /// That the first claim of two variables that drift may come of that.
+    fn drifting(&self) -> Option<String> {
+        let profile = self.model.about_data.as_ref()?;
+        let drift = |of: &&SummaryLink| of.is_claim() && profile.both_drift([&of.cause, &of.effect]);
+        let (SummaryLink { cause, effect, .. }, way) = (self.links.iter().find(drift)?, Named("difference"));
+        Some(format!("{cause} and {effect} both drift, which alone may link them: {way} takes it out."))
     }
 
     /// The pairs of which something is claimed with this word.
@@ -542,7 +551,10 @@ impl<'a> Facts<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::example;
+    use crate::{
+        model::example,
+        profile::{DataProfile, VariableProfile},
+    };
 
     #[test]
     fn what_is_not_beyond_chance_is_not_claimed() {
@@ -558,6 +570,21 @@ mod tests {
         assert!(few.links.iter().all(|link| link.sure == "may be chance" && !link.is_claim()), "{few:?}");
         let none = "None of the links between two variables (4 found) stands out";
         assert!(few.conclusion[0].starts_with(none), "{few:?}");
+    }
+
+    #[test]
+    fn a_claim_of_two_variables_that_drift_is_told_of_as_one() {
+        let of = |kpss: f64| {
+            let one = |name: &str| VariableProfile {
+                name: name.into(),
+                kpss: Some(kpss),
+                ..VariableProfile::default()
+            };
+            let variables = vec![one("h_v"), one("h_dg"), one("h_risk")];
+            let about_data = Some(DataProfile { variables, ..DataProfile::default() });
+            Model { cond_ind_test: "parcorr".into(), about_data, ..example() }.summary().conclusion.join(" ")
+        };
+        assert!(of(1.0).contains("both drift, which alone may link them") && !of(0.5).contains("drift"));
     }
 
     #[test]
