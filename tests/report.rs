@@ -86,6 +86,16 @@ fn strip_time(html: &str) -> String {
 }
 
 #[test]
+fn where_the_filter_lets_nothing_through_there_is_a_report_too() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("data.csv"), chain(["a", "b", "c"], 300)).expect("writes");
+    let strict = ["--method", "fpcmci", "--test", "parcorr", "--f-alpha", "1e-300", "--out", "res"];
+    assert!(roscausal(dir.path(), &[&["discover", "data.csv"][..], &strict].concat()).status.success());
+    let html = report(dir.path(), &["res"]);
+    assert!(html.contains("No causal link found") && html.contains("Rows of each recording: 300"), "{html}");
+}
+
+#[test]
 fn the_arrows_of_a_strength_without_a_sign_are_seen_in_the_dark() {
     let dir = tempfile::tempdir().expect("a folder");
     fs::write(dir.path().join("data.csv"), chain(["a", "b", "c"], 150)).expect("writes");

@@ -59,7 +59,7 @@ pub fn analyse_with_evidence(
     control: &Control,
 ) -> Result<(Model, Evidence)> {
     let (model, evidence) = run(data, settings, control, true)?;
-    Ok((model, evidence.unwrap_or_default()))
+    Ok((model, evidence.unwrap_or_else(|| Evidence::of_data(data))))
 }
 
 fn run(

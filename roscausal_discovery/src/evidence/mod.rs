@@ -126,12 +126,13 @@ impl Evidence {
             let points = if link.drawn_strength().abs() > weakest { points } else { 0 };
             Some(gathered(&samples, model, method, known, link, [cause, effect], points))
         };
-        Self {
-            schema: EVIDENCE_SCHEMA.to_owned(),
-            rows: all.recordings().iter().map(ndarray::ArrayBase::nrows).collect(),
-            variables: facts::facts(all),
-            links: model.links.iter().filter_map(of_link).collect(),
-        }
+        Self { links: model.links.iter().filter_map(of_link).collect(), ..Self::of_data(all) }
+    }
+
+    /// What is known of the data where there is no link.
+    pub(crate) fn of_data(all: &DataFrame) -> Self {
+        let rows = all.recordings().iter().map(ndarray::ArrayBase::nrows).collect();
+        Self { schema: EVIDENCE_SCHEMA.to_owned(), rows, variables: facts::facts(all), links: Vec::new() }
     }
 }
 
