@@ -121,6 +121,22 @@ fn the_command_in_a_report_has_no_flag_that_its_method_refuses() {
 }
 
 #[test]
+fn the_command_in_a_report_has_the_resamples() {
+    let dir = tempfile::tempdir().expect("a folder");
+    fs::write(dir.path().join("DATA.csv"), chain(["a", "b", "c"], 200)).expect("writes");
+    let asked = ["--resamples", "20", "--resampling", "bootstrap", "--block", "5", "--out", "res"];
+    let out = roscausal(dir.path(), &[&["discover", "DATA.csv"][..], &QUICK, &asked].concat());
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let html = report(dir.path(), &["res"]);
+    let (_, line) = html.split_once("roscausal discover DATA.csv").expect("a command");
+    let mut again: Vec<&str> = line.split_once('<').expect("its end").0.split_whitespace().collect();
+    again.splice(0..0, ["discover", "DATA.csv", "--out", "again"]);
+    assert!(roscausal(dir.path(), &again).status.success(), "{again:?}");
+    let model = |of: &str| fs::read(dir.path().join(of).join("model.json")).expect("a model");
+    assert_eq!(model("res"), model("again"));
+}
+
+#[test]
 fn a_folder_a_model_and_the_data_give_the_same_evidence() {
     let dir = tempfile::tempdir().expect("a folder");
     fs::write(dir.path().join("data.csv"), chain(["a", "b", "c"], 300)).expect("writes");

@@ -161,5 +161,10 @@ pub(crate) fn flags(model: &Model) -> String {
             None => continue,
         };
     }
+    if let Some(of) = model.confidence.as_ref().map(|confidence| &confidence.resampling) {
+        let share = of.share.map_or(String::new(), |share| format!(" --share {share}"));
+        let (n, scheme, block) = (of.asked, quoted(&of.scheme), quoted(&of.block));
+        let _ = write!(line, " --resamples {n} --resampling {scheme} --block {block}{share}");
+    }
     line
 }
