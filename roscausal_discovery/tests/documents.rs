@@ -27,6 +27,13 @@ fn the_documents_name_every_method_and_every_test() {
 }
 
 #[test]
+fn the_readme_is_read_in_two_minutes() {
+    let readme = Path::new(env!("CARGO_MANIFEST_DIR")).join("../README.md");
+    let words = std::fs::read_to_string(readme).expect("the README").split_whitespace().count();
+    assert!(words < 900, "{words} words; the rest goes to docs");
+}
+
+#[test]
 fn the_front_page_says_of_each_method_and_test_what_the_registries_hold() {
     let page = include_str!("../src/lib.rs");
     for name in Method::names().chain(independence_tests::names()).filter(|name| *name != "gpdcpython") {
