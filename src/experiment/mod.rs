@@ -113,7 +113,7 @@ struct Sweep {
     #[command(flatten)]
     resample: ResampleArgs,
     /// Do only one part of the work, such as 2/8; join the folders with `roscausal experiment merge`.
-    #[arg(long, value_name = "I/N")]
+    #[arg(long, value_name = "I/N", hide_short_help = true)]
     shard: Option<String>,
     #[command(flatten)]
     runner: Runner,
