@@ -352,6 +352,9 @@ def test_a_messages_links_keep_their_marks_and_whether_they_were_tested():
     ]  # fmt: skip
     assert (str(model.graph[1, 0, 0]), str(model.outcomes[1, 1, 1])) == ("<->", "required")
     assert "required, not tested" in str(model.links[2]) and "not tested" in str(model)
+    # In the words of the terminal.
+    assert str(model.links[0]).startswith("a at t-1 drives itself, or something not recorded drives it at both times: ")
+    assert str(model.links[1]).startswith("a at the same time and b: something not recorded drives both: ")
 
 
 def test_the_command_comes_with_the_package(tmp_path):

@@ -74,8 +74,12 @@ class Link:
 
     def __str__(self) -> str:
         when = f"at t-{self.lag}" if self.lag else "at the same time"
-        if self.mark == "-->":
-            what = f"{self.cause} {when} drives {'itself' if self.cause == self.effect else self.effect}"
+        effect, both = ("itself", "it at both times") if self.cause == self.effect else (self.effect, "both")
+        if self.mark in ("-->", "o->"):
+            hidden = f", or something not recorded drives {both}" if self.mark == "o->" else ""
+            what = f"{self.cause} {when} drives {effect}{hidden}"
+        elif self.mark == "<->":
+            what = f"{self.cause} {when} and {self.effect}: something not recorded drives both"
         else:
             what = f"{self.cause} and {self.effect} depend on each other {when}, direction open"
         if self.value is None or self.p_value is None:
