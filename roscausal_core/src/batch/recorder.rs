@@ -496,7 +496,10 @@ impl Recorder {
     fn insert(&mut self, sample: Sample) -> Taken {
         let taken = match sample.of {
             Subject::Robot => self.robot.insert(sample.stamp_ns, sample.values),
-            Subject::Person(id) => self.people.entry(id).or_default().insert(sample.stamp_ns, sample.values),
+            Subject::Person(id) => {
+                let track = self.people.entry(id).or_insert_with(Track::of_person);
+                track.insert(sample.stamp_ns, sample.values)
+            }
             Subject::Signal(number) => {
                 let track = self.signals.get_mut(number as usize);
                 let crowded = track.is_some_and(|track| track.insert(sample.stamp_ns, sample.values.x));

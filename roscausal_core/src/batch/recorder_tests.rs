@@ -341,3 +341,36 @@ fn other_robots_are_recorded_beside_the_one() {
     }
     assert!(batch.columns(false).iter().any(|column| column.name == "r_robot2_x"));
 }
+
+#[test]
+fn speeds_of_places_are_of_the_age_of_the_places_and_hold_uses_none_that_is_later() {
+    // She stops at 13 s, and goes on at 16 s. The tracker, 20 Hz, tells places only, 2 cm off; its filter says nothing of use.
+    let way = |t: f64| t.min(13.0) + (t - 16.0).max(0.0);
+    let recorded = |sampling, until: f64| {
+        let mut recorder = Recorder::new(RecorderConfig { ts_length_s: None, sampling, ..config() });
+        for k in (0..).map(|k| 10.0 + 0.05 * f64::from(k)).take_while(|t| *t < until) {
+            recorder.robot(&robot(k), Time::ZERO);
+            let mut seen = person(1, k);
+            seen.pose2d.x = way(k) + if (20.0 * k) as u32 % 2 == 0 { 0.02 } else { -0.02 };
+            (seen.twist.linear.x, seen.twist.angular.z) = (9.0, f64::NAN);
+            recorder.humans(&humans(k, vec![seen]), Time::ZERO);
+        }
+        recorder.finish();
+        let batch = recorder.take_batches().remove(0);
+        let at = move |t: f64| batch.people[&1][(t - batch.start.as_secs_f64()).mul_add(10.0, 0.5) as usize];
+        at
+    };
+    let (auto, hold) = (recorded(Sampling::Auto, 20.0), recorded(Sampling::Hold, 20.0));
+    for (t, v) in [(11.5, 1.0), (12.4, 1.0), (14.0, 0.0), (15.0, 0.0), (17.5, 1.0)] {
+        let values = auto(t);
+        assert!((values.v - v).abs() < 0.1 && (values.x - way(t)).abs() < 0.02, "{t}: {values:?}");
+    }
+    // At the turn it is half of either; the filter is behind.
+    let [smoothed, held] = [auto(13.0).v, hold(13.0).v];
+    assert!((0.3..0.7).contains(&smoothed) && held > 0.8, "{smoothed} {held}");
+    let cut = recorded(Sampling::Hold, 13.3);
+    assert!(
+        cut(13.0).v.to_bits() == held.to_bits() && hold(15.5).v < 0.1,
+        "what comes later changes nothing"
+    );
+}

@@ -7,7 +7,8 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use super::risk::Body;
+use super::{risk::Body, table::median};
+use crate::state::motion::{SLOWEST_HEADING, Walk};
 
 /// Most samples of one body that wait to become rows.
 const MOST: usize = 100_000;
@@ -15,6 +16,15 @@ const MOST: usize = 100_000;
 /// neighbours, which evens out jitter. At first fewer are enough.
 const INTERVALS: usize = 15;
 const TOGETHER: usize = 3;
+const ENOUGH: usize = INTERVALS + TOGETHER;
+/// Where a tracker tells places only, a row is made of those so many nanoseconds before it and after it. These are there when it is made.
+const BEHIND_NS: i64 = 1_000_000_000;
+const AHEAD_NS: i64 = 500_000_000;
+/// Their noise, metres, is that of so many places, from so few on, at least this; before, what is usual.
+const PLACES: usize = 66;
+const FEWEST_PLACES: usize = 10;
+const LEAST_NOISE_M: f64 = 0.002;
+const USUAL_NOISE_M: f64 = 0.05;
 /// Where samples come at least as often as rows, give or take this share of a step, ...
 const OFTEN: f64 = 1.2;
 /// ... a row whose value would reach farther ahead has lost its sample. Steps.
@@ -175,12 +185,16 @@ impl Values {
 #[derive(Debug, Default)]
 pub(super) struct Track {
     samples: VecDeque<(i64, Values)>,
-    /// The last stamps that no row needs any more.
-    past: VecDeque<i64>,
+    /// Stamps and places of the last samples that no row needs any more.
+    past: VecDeque<(i64, [f64; 2])>,
     /// The usual one of the last intervals, known once there is one: each row asks for it several times.
     usual: Option<i64>,
     /// Whether all samples are there from the beginning, so that none waits for others.
     unlimited: bool,
+    /// Whether velocities that the tracker does not tell are made of places before and after.
+    smooths: bool,
+    /// The noise of places, metres, where they are smoothed.
+    noise_m: f64,
 }
 
 /// What happened to a sample.
@@ -197,6 +211,11 @@ impl Track {
     /// A track that keeps any number of samples.
     pub(super) fn without_limit() -> Self {
         Self { unlimited: true, ..Self::default() }
+    }
+
+    /// A track of a person, whose velocity may have to follow from places.
+    pub(super) fn of_person() -> Self {
+        Self { smooths: true, ..Self::default() }
     }
 
     /// Adds a sample (stamp in nanoseconds), in order or not.
@@ -235,6 +254,30 @@ impl Track {
         (t1 - t0 <= max_gap).then(|| before.towards(next, (t - t0) as f64 / (t1 - t0) as f64))
     }
 
+    /// Whether the tracker tells places only.
+    fn is_of_places(&self) -> bool {
+        self.smooths && self.samples.back().is_some_and(|(_, values)| values.omega.is_nan())
+    }
+
+    /// The values at a moment, where the tracker tells places only with the velocity, and the place, that those before it and until
+    /// `ahead_ns` after it give: all of one age.
+    fn walked(&self, moment: i64, values: Values, ahead_ns: i64) -> Values {
+        if !self.is_of_places() {
+            return values;
+        }
+        let start = self.samples.partition_point(|(stamp, _)| *stamp < moment - BEHIND_NS);
+        let near = self.samples.range(start..).take_while(|(stamp, _)| *stamp <= moment + ahead_ns);
+        let places: Vec<(f64, [f64; 2])> =
+            near.map(|(stamp, at)| ((stamp - moment) as f64 / 1e9, [at.x, at.y])).collect();
+        let Some(walk) = Walk::at(&places, self.noise_m) else {
+            return Values { v: f64::NAN, ..values };
+        };
+        let ([x, y], v) = (walk.place, walk.speed());
+        let theta =
+            if v > SLOWEST_HEADING { libm::atan2(walk.velocity[1], walk.velocity[0]) } else { values.theta };
+        Values { x, y, theta, v, ..values }
+    }
+
     /// Whether rows in steps of `dt` are best made at samples. A line between two would mix each row with the next one, as much as its
     /// sample is early.
     pub(super) fn makes_rows(&self, dt: i64, sampling: Sampling) -> bool {
@@ -253,17 +296,21 @@ impl Track {
     /// What a row holds that is made at `t`, `dt` after the row before: the values at `t`, as in [`Self::at`]. Where samples come as
     /// often as rows or more often, it is empty if its value would reach far ahead: its sample was lost.
     pub(super) fn row(&self, t: i64, dt: i64, max_gap: i64, sampling: Sampling) -> Option<Values> {
+        let held = |ahead_ns| {
+            let [before, _] = self.around(t);
+            Some(self.walked(before?.0, self.at(t, max_gap, true)?, ahead_ns))
+        };
         if sampling == Sampling::Hold {
-            return self.at(t, max_gap, true);
+            return held(0);
         }
         let on_line = self.at(t, max_gap, false);
         if self.holds(dt, sampling) {
             // Chosen by the program, it reaches no farther than a line does.
-            return on_line.and(self.at(t, max_gap, true));
+            return on_line.and(held(AHEAD_NS));
         }
         let is_rare = self.steps(dt).is_none_or(|steps| steps > OFTEN);
         let ahead = self.spacing(t).map_or(0.0, |[_, ahead]| ahead / dt as f64);
-        on_line.filter(|_| is_rare || ahead <= FARTHEST_AHEAD)
+        on_line.filter(|_| is_rare || ahead <= FARTHEST_AHEAD).map(|values| self.walked(t, values, AHEAD_NS))
     }
 
     /// Whether rows in steps of `dt` hold the newest sample.
@@ -282,16 +329,24 @@ impl Track {
         Some(self.usual? as f64 / dt as f64)
     }
 
-    /// Finds the usual one of the last intervals, before the row at `t` is made. While they are few, those until `max_gap` later count, too:
-    /// what is stamped so is there by then.
+    /// Finds the usual one of the last intervals, and how noisy places are, before the row at `t` is made. While they are few, those until
+    /// `max_gap` later count, too: what is stamped so is there by then. How many samples came at once changes nothing.
     pub(super) fn settle(&mut self, t: i64, max_gap: i64) {
-        let end = t.saturating_add(max_gap);
-        let coming = self.samples.iter().map(|(stamp, _)| *stamp).take_while(|stamp| *stamp <= end);
-        let stamps: Vec<i64> = self.past.iter().copied().chain(coming).take(INTERVALS + TOGETHER).collect();
-        let over = |run: &[i64]| (run[TOGETHER] - run[0]) / TOGETHER as i64;
+        let [now, end] = [t, t.saturating_add(max_gap)]
+            .map(|end| self.samples.partition_point(|(stamp, _)| *stamp <= end));
+        let last = |most: usize| {
+            let older = (self.past.len() + now).saturating_sub(most);
+            let coming = self.samples.range(..end).map(|(stamp, at)| (*stamp, [at.x, at.y]));
+            self.past.iter().copied().chain(coming).skip(older).take(most).collect::<Vec<_>>()
+        };
+        let stamps = last(ENOUGH);
+        let over = |run: &[(i64, [f64; 2])]| (run[TOGETHER].0 - run[0].0) / TOGETHER as i64;
         let mut intervals: Vec<i64> = stamps.windows(TOGETHER + 1).map(over).collect();
         intervals.sort_unstable();
         self.usual = intervals.get(intervals.len() / 3).copied();
+        if self.is_of_places() {
+            self.noise_m = noise(&last((self.past.len() + now).clamp(ENOUGH, PLACES)));
+        }
     }
 
     /// The last sample that is not later than `t`, and the one after it.
@@ -313,14 +368,30 @@ impl Track {
 
     /// Drops what no row at `t` or later needs. Returns whether any sample is left that such a row may need.
     pub(super) fn forget_before(&mut self, t: i64, max_gap: i64) -> bool {
-        while self.samples.get(1).is_some_and(|(second, _)| *second <= t) {
-            self.past.extend(self.samples.pop_front().map(|(stamp, _)| stamp));
-            if self.past.len() > INTERVALS + TOGETHER {
+        let (reach, most) = if self.is_of_places() { (BEHIND_NS, PLACES) } else { (0, ENOUGH) };
+        while self.samples.get(1).is_some_and(|(second, _)| *second <= t.saturating_sub(reach)) {
+            self.past.extend(self.samples.pop_front().map(|(stamp, at)| (stamp, [at.x, at.y])));
+            if self.past.len() > most {
                 self.past.pop_front();
             }
         }
         self.samples.back().is_some_and(|(last, _)| *last >= t - max_gap)
     }
+}
+
+/// The noise of places along either axis, metres, standard deviation: from how far each lies beside the line between its neighbours. A
+/// place that is told twice says nothing of it.
+fn noise(places: &[(i64, [f64; 2])]) -> f64 {
+    let beside = |run: &[(i64, [f64; 2])]| {
+        let [(t0, p0), (t1, p1), (t2, p2)] = [run[0], run[1], run[2]];
+        let share = (t1 - t0) as f64 / (t2 - t0) as f64;
+        let spread = (1.0 + share * share + (1.0 - share) * (1.0 - share)).sqrt();
+        let off = [0, 1].map(|axis| (p1[axis] - p0[axis] - share * (p2[axis] - p0[axis])).abs() / spread);
+        if p0 == p1 || p1 == p2 { [f64::NAN; 2] } else { off }
+    };
+    let middle = median(places.windows(3).flat_map(beside)).filter(|_| places.len() >= FEWEST_PLACES);
+    // The middle of the absolute values of a normal distribution.
+    middle.map_or(USUAL_NOISE_M, |middle| (middle / 0.6745).max(LEAST_NOISE_M))
 }
 
 /// The angle in `(-pi, pi]`.
@@ -384,6 +455,54 @@ mod tests {
             assert!(row(&seen, 2500, dt).is_some_and(|x| x > 24.5 && x < 25.5), "{why}");
         }
         assert_eq!(seen.row(2500, 100, 500, Sampling::Hold).map(|values| values.x), Some(24.0));
+    }
+
+    #[test]
+    fn the_usual_interval_does_not_depend_on_how_many_samples_came_at_once() {
+        let stamp = |number: i64| 100 * number + if number > 40 { 60 * (number - 40) } else { 0 };
+        let usual = |bundle: i64| {
+            let (mut seen, mut told) = (Track::default(), Vec::new());
+            for (number, t) in (0..80).map(|number| (number, stamp(number))) {
+                seen.insert(t, values(0.0, 0.0, 0.0));
+                if (number + 1) % bundle != 0 {
+                    continue;
+                }
+                for row in number + 1 - bundle..=number {
+                    seen.settle(stamp(row), 0);
+                    told.push(seen.usual);
+                }
+                seen.forget_before(t, 500);
+            }
+            told
+        };
+        let one_by_one = usual(1);
+        assert_eq!((one_by_one[30], one_by_one[79]), (Some(100), Some(160)));
+        for bundle in [2, 20, 80] {
+            assert!(usual(bundle) == one_by_one, "{bundle} at once");
+        }
+    }
+
+    #[test]
+    fn noise_of_places_is_measured_and_places_told_twice_do_not_hide_it() {
+        let mut random = 7_u64;
+        let mut normal = move || {
+            let share = || {
+                random = roscausal_discovery::mix(random);
+                (random >> 11) as f64 / (1_u64 << 53) as f64
+            };
+            std::iter::repeat_with(share).take(12).sum::<f64>() - 6.0
+        };
+        for noise_m in [0.005, 0.05] {
+            let places: Vec<(i64, [f64; 2])> = (0..600)
+                .map(|k| (100_000_000 * k, [0.12 * k as f64 + noise_m * normal(), noise_m * normal()]))
+                .collect();
+            let found = noise(&places);
+            assert!((found / noise_m - 1.0).abs() < 0.15, "{found} for {noise_m}");
+            let twice: Vec<(i64, [f64; 2])> =
+                places.iter().flat_map(|&(stamp, at)| [(stamp, at), (stamp + 50_000_000, at)]).collect();
+            assert!(noise(&twice) >= LEAST_NOISE_M);
+            assert_eq!(noise(&places[..5]), USUAL_NOISE_M, "too few");
+        }
     }
 
     #[test]

@@ -98,7 +98,7 @@ pub(super) fn specs() -> Vec<ParamSpec> {
         of_data "rejoin_time" = Value::Double(0.0), Range(0.0, 60.0),
             "seconds: a new id within join_gate of somebody who was lost for at most this long is theirs; 0: never";
         of_data "position_noise" = Value::Double(0.05), Range(0.0, 5.0),
-            "trackers without velocities: noise of their positions, metres, for the filter that gives velocities; 0: differences";
+            "trackers without velocities: noise of their positions, metres, for the filter that gives velocities at once; 0: differences, for rows, too";
     }
 }
 

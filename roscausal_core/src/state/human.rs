@@ -12,7 +12,7 @@ use roscausal_msgs::{
 
 use super::{
     identity::{Gates, Identities, Who},
-    motion::Motion,
+    motion::{Motion, SLOWEST_HEADING},
     robot::{TF_WAIT_S, Trouble, unknown},
     scene::speed,
     tf::{TfBuffer, planar_pose},
@@ -308,7 +308,7 @@ impl PeopleTracker {
         }
         let twist = sighting.twist.unwrap_or_else(|| {
             let twist = self.velocity(id, stamp, [pose2d.x, pose2d.y]);
-            if speed(&twist) > 0.05 {
+            if speed(&twist) > SLOWEST_HEADING {
                 pose2d.theta = libm::atan2(twist.linear.y, twist.linear.x);
             }
             twist
@@ -323,7 +323,8 @@ impl PeopleTracker {
         }
     }
 
-    /// How fast somebody is whose tracker does not tell. One sighting does not tell it either.
+    /// How fast somebody is whose tracker does not tell. One sighting does not tell it either. Where noise is filtered, the turning rate stays
+    /// unknown: that says to whom records rows that the velocity is the filter's.
     fn velocity(&mut self, id: u32, stamp: Time, place: [f64; 2]) -> Twist {
         let known = self.people.contains_key(&id);
         let velocity = match self.motions.get_mut(&id).filter(|_| known) {
@@ -333,7 +334,11 @@ impl PeopleTracker {
                 None
             }
         };
-        walking(velocity.unwrap_or([f64::NAN; 2]))
+        let mut twist = walking(velocity.unwrap_or([f64::NAN; 2]));
+        if self.noise_m > 0.0 {
+            twist.angular.z = f64::NAN;
+        }
+        twist
     }
 }
 
