@@ -142,7 +142,7 @@ fn recorded(
     world: &[[Walker; 2]],
     [hz, noise]: [f64; 2],
     velocities: bool,
-    dt_s: f64,
+    (dt_s, sampling): (f64, Sampling),
     random: &mut Random,
 ) -> [Rows; 2] {
     let config = RecorderConfig { dt_s, ts_length_s: None, max_gap_s: 0.5, sampling, select: Select::All };
