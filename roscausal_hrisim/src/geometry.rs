@@ -219,7 +219,7 @@ impl Area {
                     left -= area(*triangle);
                     left < 0.0
                 });
-                let (u, v) = found.or_else(|| fan().last()).unwrap_or_default();
+                let (u, v) = found.or_else(|| fan().next_back()).unwrap_or_default();
                 corners[0] + u * r + v * s
             }
         }
