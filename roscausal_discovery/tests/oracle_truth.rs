@@ -50,14 +50,16 @@ proptest! {
     }
 
     #[test]
-    fn pcmciplus_finds_the_class_of_the_graph(
+    fn pcmciplus_and_pc_find_the_class_of_the_graph(
         links in links(4, 1, true),
         rule in prop::sample::select(vec![ColliderRule::Majority, ColliderRule::Conservative, ColliderRule::None]),
         reset_lagged_links in any::<bool>(),
+        pc_only in any::<bool>(),
     ) {
         let oracle = OracleCi::new(&truth_of(4, &links)).unwrap();
         let settings = PcmciSettings { tau_min: 0, tau_max: 1, pc_alpha: vec![0.05], ..PcmciSettings::default() };
-        let plus = PcmciPlusSettings { contemp_collider_rule: rule, reset_lagged_links, ..Default::default() };
+        let plus =
+            PcmciPlusSettings { contemp_collider_rule: rule, reset_lagged_links, pc_only, ..Default::default() };
         let result = run_pcmciplus(&any_data(4), &oracle, &settings, &plus, &Control::default()).unwrap();
         let expected = class_of(4, &links);
         for ((i, j, lag), &mark) in result.graph.indexed_iter() {

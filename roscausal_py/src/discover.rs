@@ -6,7 +6,7 @@ use pyo3::{prelude::*, types::PyString};
 use roscausal_discovery::{
     CondIndTest, DataProfile, Error, Fault, Levelled, Result, analyse, analyse_with,
     confidence::{analyse_resampled, set_step},
-    independence_tests::{self, by_name},
+    independence_tests::by_name,
     lock,
     methods::Method,
     settings,
@@ -41,15 +41,6 @@ pub(crate) fn test_of(
 /// The exception of the user's test, if that is why a run failed.
 pub(crate) fn own_exception(failure: Option<&Failure>, error: PyErr) -> PyErr {
     failure.and_then(|slot| lock(slot).take()).unwrap_or(error)
-}
-
-/// `threads` and `time_budget` of the settings.
-pub(crate) fn means<'py>(given: &mut Given, progress: Option<Bound<'py, PyAny>>) -> Result<Means<'py>> {
-    Ok(Means {
-        threads: given.count("threads")?.unwrap_or(0),
-        time_budget: given.number("time_budget")?,
-        progress,
-    })
 }
 
 /// The JSON of the model of `frame`. `settings` is a JSON object; `test` a user's own test, else the settings name one.
@@ -114,19 +105,9 @@ pub(crate) fn discover(
     Ok(model.spelled(named).to_json())
 }
 
-/// The words that settings take, and the methods' defaults, as JSON.
+/// The names of the methods, and the table of settings, as JSON.
 #[pyfunction]
 pub(crate) fn words() -> String {
-    let methods: serde_json::Map<_, _> = Method::all()
-        .map(|method| {
-            let info = method.info();
-            (info.name.to_owned(), json!({ "tau_min": info.tau_min, "pc_alpha": info.pc_alpha }))
-        })
-        .collect();
-    json!({
-        "methods": methods,
-        "tests": independence_tests::names().collect::<Vec<_>>(),
-        "settings": settings::as_json(),
-    })
-    .to_string()
+    let methods: Vec<_> = Method::all().map(|method| method.info().name).collect();
+    json!({ "methods": methods, "settings": settings::as_json() }).to_string()
 }

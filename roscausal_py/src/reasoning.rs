@@ -16,7 +16,6 @@ use roscausal_reasoning::{
 use serde_json::Value;
 
 use crate::{
-    discover::means,
     errors::{DataError, SettingError, raised},
     frame::Frame,
     settings::{Given, of_step, set},
@@ -38,7 +37,8 @@ impl Structural {
     #[staticmethod]
     fn fit(py: Python<'_>, frame: &Frame, graph: &str, settings: &str) -> PyResult<Self> {
         let mut given = Given::read(settings).map_err(raised)?;
-        let means = means(&mut given, None).map_err(raised)?;
+        let threads = given.count("threads").map_err(raised)?.unwrap_or(0);
+        let means = Means { threads, ..Means::all_cores() };
         let dt = of_step(&mut given).map_err(raised)?;
         let (settings, acts_on) = of_fit(&mut given).map_err(raised)?;
         given.end().map_err(raised)?;

@@ -6,14 +6,14 @@ use pyo3::{prelude::*, types::PyDict};
 use roscausal_discovery::{
     CondIndTest, Control, DataFrame, Error, LinkMark, Node, Result, Samples,
     methods::{
-        self, JpcmciPlusSettings, LpcmciSettings, PcmciPlusSettings, PcmciResult, PcmciSettings, Status,
+        self, JpcmciPlusSettings, LpcmciSettings, PcmciPlusSettings, PcmciResult, PcmciSettings,
         get_lagged_dependencies, run_bivci, run_fullci, run_jpcmciplus, run_lpcmci, run_mci, run_pc_stable,
         run_pcmci, run_pcmciplus,
     },
 };
 
 use crate::{
-    discover::{means, own_exception, test_of},
+    discover::{own_exception, test_of},
     errors::raised,
     frame::Frame,
     settings::{Given, of_contexts, of_latent, of_method, parents_of},
@@ -55,18 +55,15 @@ impl Job {
 /// Runs a method and returns its result as arrays `[cause, effect, lag]` and lists. Marks are numbers: 0 none, 1 `-->`,
 /// 2 `<--`, 3 `o-o`, 4 `x-x`.
 #[pyfunction]
-#[pyo3(signature = (frame, method, settings, test, progress=None))]
 pub(crate) fn run<'py>(
     py: Python<'py>,
     frame: &Frame,
     method: &str,
     settings: &str,
     test: &Bound<'py, PyAny>,
-    progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let data = frame.data.clone();
     let mut given = Given::read(settings).map_err(raised)?;
-    let means = means(&mut given, progress).map_err(raised)?;
     let parents = given.take("parents").map(|list| parents_of(&list)).transpose().map_err(raised)?;
     let (settings, plus) = of_method(&mut given, data.n_vars()).map_err(raised)?;
     let latent = of_latent(&mut given, &settings).map_err(raised)?;
@@ -74,7 +71,7 @@ pub(crate) fn run<'py>(
     given.end().map_err(raised)?;
     let (test, failure) = test_of(test, settings.tau_max).map_err(raised)?;
     let job = Job { method: method.to_owned(), settings, plus, parents, latent, joint };
-    let found = watched(py, &means, move |control| job.run(&data, test.as_ref(), control));
+    let found = watched(py, &Means::all_cores(), move |control| job.run(&data, test.as_ref(), control));
     as_dict(py, found.map_err(|error| own_exception(failure.as_ref(), error))?)
 }
 
@@ -93,8 +90,6 @@ fn as_dict(py: Python<'_>, result: PcmciResult) -> PyResult<Bound<'_, PyDict>> {
         of.candidates.iter().map(|c| (c.node.var, c.node.lag, c.val_min, c.pval_max)).collect::<Vec<_>>()
     });
     out.set_item("candidates", candidates.collect::<Vec<_>>())?;
-    let levels: Vec<_> = result.parents.iter().map(|of| of.optimal_pc_alpha).collect();
-    out.set_item("optimal_pc_alpha", levels)?;
     out.set_item("optimal_alpha", result.optimal_alpha)?;
     let sepsets: Vec<_> = result
         .sepsets
@@ -104,14 +99,7 @@ fn as_dict(py: Python<'_>, result: PcmciResult) -> PyResult<Bound<'_, PyDict>> {
     out.set_item("sepsets", sepsets)?;
     let triples: Vec<_> = result.ambiguous_triples.iter().map(|(i, k, j)| (node(i), *k, *j)).collect();
     out.set_item("ambiguous_triples", triples)?;
-    out.set_item("n_tests", result.n_tests)?;
-    out.set_item("n_samples", result.n_samples)?;
     out.set_item("remarks", result.remarks)?;
-    let status = match result.status {
-        Status::Complete => None,
-        Status::Partial(how_far) => Some(how_far),
-    };
-    out.set_item("partial", status)?;
     Ok(out)
 }
 

@@ -138,6 +138,7 @@ pub(crate) fn of_method(given: &mut Given, n_vars: usize) -> Result<(PcmciSettin
     }
     set(&mut plus.conflict_resolution, given.flag("conflict_resolution")?);
     set(&mut plus.reset_lagged_links, given.flag("reset_lagged_links")?);
+    set(&mut plus.pc_only, given.flag("pc_only")?);
     Ok((settings, plus))
 }
 

@@ -26,7 +26,7 @@ TESTS = [
 ]
 METHODS = [
     "run_pcmci", "run_pcmci", "run_pcmciplus", "run_pcmciplus", "run_mci", "run_fullci", "run_bivci", "get_lagged_dependencies",
-    "run_pc_stable", "run_lpcmci",
+    "run_pc_stable", "run_lpcmci", "run_pcalg",
 ]  # fmt: skip
 
 
@@ -67,17 +67,18 @@ def drawn(seed):
     given = {"tau_max": tau_max, "tau_min": int(rng.choice([0, 0, 1])) if method != "run_pc_stable" else 1}
     threshold = test.get("significance") == "fixed_thres"
     levels = [0.05, 0.1] if threshold else [0.01, 0.05, 0.2]
-    if method in ("run_pcmci", "run_pcmciplus", "run_pc_stable", "run_lpcmci"):
+    if method in ("run_pcmci", "run_pcmciplus", "run_pc_stable", "run_lpcmci", "run_pcalg"):
         given["pc_alpha"] = float(rng.choice(levels))
-        if name in ("ParCorr", "RobustParCorr") and not threshold and method != "run_lpcmci" and rng.random() < 0.2:
+        if name in ("ParCorr", "RobustParCorr") and not threshold and method not in ("run_lpcmci", "run_pcalg") and rng.random() < 0.2:
             given["pc_alpha"] = None
-    if method not in ("run_pcmciplus", "run_lpcmci", "run_pc_stable"):
+    if method not in ("run_pcmciplus", "run_lpcmci", "run_pc_stable", "run_pcalg"):
         given["alpha_level"] = float(rng.choice(levels))
-    if method not in ("run_lpcmci", "run_pc_stable") and not threshold and rng.random() < 0.4:
+    if method not in ("run_lpcmci", "run_pc_stable", "run_pcalg") and not threshold and rng.random() < 0.4:
         given["fdr_method"] = "fdr_bh"
-    if method == "run_pcmciplus":
+    if method in ("run_pcmciplus", "run_pcalg"):
         given["contemp_collider_rule"] = str(rng.choice(["majority", "conservative", "none"]))
         given["conflict_resolution"] = bool(rng.random() < 0.7)
+    if method == "run_pcmciplus":
         given["reset_lagged_links"] = bool(rng.random() < 0.3)
     if method in ("run_pcmci", "run_pcmciplus", "run_pc_stable") and rng.random() < 0.3:
         given["max_conds_dim"] = int(rng.integers(0, 3))
@@ -146,7 +147,7 @@ def difference(seed):
     if one_way or test.get("significance") == "fixed_thres":
         tested[:, :, 0] &= method == "run_lpcmci"
     limits = given.get("max_conds_py", given.get("max_conds_px")) is not None or "mask_type" in test
-    if (limits or one_way) and method not in ("run_pcmciplus", "run_lpcmci"):
+    if (limits or one_way) and method not in ("run_pcmciplus", "run_lpcmci", "run_pcalg"):
         theirs["graph"][:, :, 0] = ours["graph"][:, :, 0] = ""
     unlike = []
     if not np.allclose(theirs["val_matrix"][tested], ours["val_matrix"][tested], atol=of_value, rtol=1e-6):
@@ -154,9 +155,11 @@ def difference(seed):
     if not np.allclose(theirs["p_matrix"][tested], ours["p_matrix"][tested], atol=of_p, rtol=1e-6):
         unlike.append("p_matrix")
     # Where several conflicts end in the first orientation, equal values are ordered by their rounding.
-    by_rounding = method == "run_pcmciplus" and not given["conflict_resolution"] and not unlike
+    by_rounding = method in ("run_pcmciplus", "run_pcalg") and not given["conflict_resolution"] and not unlike
     if not np.array_equal(theirs["graph"], ours["graph"]) and not by_rounding:
         unlike.append("graph")
+    if "sepsets" in theirs and theirs["sepsets"] != ours["sepsets"]:
+        unlike.append("sepsets")
     if theirs.get("conf_matrix") is not None:
         # A link that is assumed to exist is not tested.
         tested = ~((theirs["val_matrix"] == 1) & (theirs["p_matrix"] == 0))

@@ -36,6 +36,7 @@ pub(crate) fn run(case: &Value, set: &Path) -> Answer<Value> {
             contemp_collider_rule: rule.parse().map_err(|e: roscausal_discovery::Error| e.to_string())?,
             conflict_resolution: params["conflict_resolution"].as_bool().unwrap_or(true),
             reset_lagged_links: params["reset_lagged_links"].as_bool().unwrap_or(false),
+            ..PcmciPlusSettings::default()
         },
         classes,
         dummies,

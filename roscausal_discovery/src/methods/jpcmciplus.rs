@@ -313,6 +313,7 @@ impl Search<'_, '_> {
             conditions,
             sources,
             certain: 1.0,
+            all_lags: false,
             sepsets: Default::default(),
         }
     }
@@ -430,7 +431,7 @@ impl Search<'_, '_> {
         level.start(&mut result, parents);
         result.parents = parents.to_vec();
         let mut skeleton = self.skeleton(&links, &conditions, None);
-        if skeleton.find(&mut result)? || level.orient(&skeleton, &mut result)? {
+        if skeleton.find(&mut result)? || level.orient(&mut skeleton, &mut result)? {
             return Ok(true);
         }
         copy_values(latest, &mut result, |i, j| !self.nodes.is_system(i) || !self.nodes.is_system(j));

@@ -39,6 +39,8 @@ with_defaults! {
         pub conflict_resolution: bool = true,
         /// Tests all lagged links again in the second phase, not only those that PC1 kept. Default false.
         pub reset_lagged_links: bool = false,
+        /// The PC algorithm on time series: no PC1, no MCI; conditions are neighbours at all lags. Default false.
+        pub pc_only: bool = false,
     }
 }
 
@@ -127,7 +129,10 @@ impl Level<'_, '_> {
     fn run(&self, result: &mut PcmciResult) -> Result<bool> {
         let levels = [self.pc_alpha];
         let pc = PcStable { pc_alphas: &levels, ..self.settings.pc_stable(self.links, &levels) };
-        let (parents, out_of_time) = pc.run(self.run)?;
+        let (parents, out_of_time) = match self.plus.pc_only {
+            true => (vec![TargetParents::default(); self.run.n_vars()], false),
+            false => pc.run(self.run)?,
+        };
         let conditions = nodes_of(&parents);
         self.start(result, &parents);
         result.parents = parents;
@@ -143,13 +148,14 @@ impl Level<'_, '_> {
             conditions: &|x, j, contemporaneous| self.conditions(&conditions, x, j, contemporaneous),
             sources: None,
             certain: f64::INFINITY,
+            all_lags: self.plus.pc_only,
             sepsets: Default::default(),
         };
         if skeleton.find(result)? {
             result.graph.fill(LinkMark::Absent);
             return Ok(true);
         }
-        if self.orient(&skeleton, result)? {
+        if self.orient(&mut skeleton, result)? {
             return Ok(true);
         }
         correct(result, self.settings.fdr, self.links, self.pc_alpha);
@@ -157,7 +163,7 @@ impl Level<'_, '_> {
     }
 
     /// Orients what the skeleton left. Returns whether the time budget ended it; then there are no links.
-    pub(super) fn orient(&self, skeleton: &Skeleton<'_, '_>, result: &mut PcmciResult) -> Result<bool> {
+    pub(super) fn orient(&self, skeleton: &mut Skeleton<'_, '_>, result: &mut PcmciResult) -> Result<bool> {
         let (colliders, ambiguous) = match self.colliders(skeleton, result) {
             Err(error) if self.run.is_timeout(&error) => {
                 result.graph.fill(LinkMark::Absent);
@@ -181,7 +187,8 @@ impl Level<'_, '_> {
             }
             for (node, assumption) in self.links.of_target(target) {
                 let at = [node.var, target, node.lag];
-                let certain = node.lag == 0 || assumption.exists() || self.plus.reset_lagged_links;
+                let every = self.plus.reset_lagged_links || self.plus.pc_only;
+                let certain = node.lag == 0 || assumption.exists() || every;
                 let kept = certain || found.parents.contains(&node);
                 if kept {
                     result.graph[at] = assumption.mark();
@@ -198,7 +205,7 @@ impl Level<'_, '_> {
         }
     }
 
-    /// Contemporaneous conditions, then the lagged parents of both ends.
+    /// Neighbours of the effect, then the lagged parents of both ends.
     pub(super) fn conditions(
         &self,
         parents: &[Vec<Node>],
@@ -216,7 +223,7 @@ impl Level<'_, '_> {
     /// Sorts the unshielded triples into colliders and ambiguous ones.
     fn colliders(
         &self,
-        skeleton: &Skeleton<'_, '_>,
+        skeleton: &mut Skeleton<'_, '_>,
         result: &PcmciResult,
     ) -> Result<(Vec<Triple>, Vec<Triple>)> {
         let triples = unshielded_triples(&result.graph);
@@ -224,13 +231,19 @@ impl Level<'_, '_> {
             let in_sepset = |t: &Triple| skeleton.sepset(t.i, t.j).contains(&Node::new(t.k, 0));
             return Ok((triples.into_iter().filter(|t| !in_sepset(t)).collect(), Vec::new()));
         }
-        let shares = self.run.map_tests(&triples, |triple| self.share_with_middle(skeleton, result, triple));
+        let asked: &Skeleton<'_, '_> = skeleton;
+        let shares = self.run.map_tests(&triples, |triple| self.share_with_middle(asked, result, triple));
         let (mut colliders, mut ambiguous) = (Vec::new(), Vec::new());
         for (triple, share) in triples.into_iter().zip(shares) {
             let conservative = self.plus.contemp_collider_rule == ColliderRule::Conservative;
             match share? {
-                Some((with, all)) if with == 0 || (!conservative && 2 * with < all) => colliders.push(triple),
-                Some((with, all)) if with == all || (!conservative && 2 * with > all) => {}
+                Some((with, all)) if with == 0 || (!conservative && 2 * with < all) => {
+                    skeleton.amend(&triple, false);
+                    colliders.push(triple);
+                }
+                Some((with, all)) if with == all || (!conservative && 2 * with > all) => {
+                    skeleton.amend(&triple, true);
+                }
                 _ => ambiguous.push(triple),
             }
         }

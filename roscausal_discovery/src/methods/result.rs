@@ -96,7 +96,7 @@ pub struct PcmciResult {
     pub samples: Array3<Option<SampleCount>>,
     /// PC1 for each target; empty for methods without PC1.
     pub parents: Vec<TargetParents>,
-    /// PCMCI+: separating sets of the pairs that were removed with a non-empty condition set.
+    /// PCMCI+: separating sets that are not empty: of the tests that removed links, as the votes on colliders amend them.
     pub sepsets: Vec<Sepset>,
     /// PCMCI+: unshielded triples that are neither colliders nor non-colliders.
     pub ambiguous_triples: Vec<(Node, usize, usize)>,

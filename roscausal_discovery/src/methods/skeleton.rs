@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::{
+    orientation::Triple,
     pc_stable::combinations,
     result::{PcmciResult, Sepset},
     run::Run,
@@ -12,7 +13,7 @@ use crate::types::{LinkAssumptions, LinkMark, Node, Result, TestResult};
 /// Conditions of a test: cause, effect, contemporaneous conditions.
 pub(crate) type Conditions<'a> = dyn Fn(Node, usize, &[Node]) -> Vec<Node> + Sync + 'a;
 
-/// Finds the skeleton: MCI tests of all links with growing sets of contemporaneous neighbours of the effect.
+/// Finds the skeleton: MCI tests of all links with growing sets of neighbours of the effect.
 pub(crate) struct Skeleton<'a, 'b> {
     pub(crate) run: &'a Run<'b>,
     pub(crate) links: &'a LinkAssumptions,
@@ -23,6 +24,8 @@ pub(crate) struct Skeleton<'a, 'b> {
     pub(crate) sources: Option<&'a [bool]>,
     /// Strength of certain links among the neighbours, which come strongest first.
     pub(crate) certain: f64,
+    /// Whether neighbours at all lags are conditions, and not only those at lag 0.
+    pub(crate) all_lags: bool,
     pub(crate) sepsets: HashMap<(Node, usize), Vec<Node>>,
 }
 
@@ -52,7 +55,7 @@ impl Skeleton<'_, '_> {
                 .map(|j| {
                     let mut nodes = self.neighbours(result, j);
                     let untested = |node: &Node| {
-                        let certain = self.links.get(node.var, j, 0).is_some_and(|a| a.exists());
+                        let certain = self.links.get(node.var, j, node.lag).is_some_and(|a| a.exists());
                         if certain { self.certain } else { f64::INFINITY }
                     };
                     let of =
@@ -158,12 +161,25 @@ impl Skeleton<'_, '_> {
         }
     }
 
-    /// Contemporaneous neighbours of `j`, in ascending order.
+    /// Neighbours of `j` that may be conditions, in ascending order.
     pub(crate) fn neighbours(&self, result: &PcmciResult, j: usize) -> Vec<Node> {
-        (0..self.run.n_vars())
-            .filter(|&i| result.graph[[i, j, 0]].is_link())
-            .map(|i| Node::new(i, 0))
-            .collect()
+        let lags = if self.all_lags { result.graph.dim().2 } else { 1 };
+        let nodes = (0..self.run.n_vars()).flat_map(|i| (0..lags).map(move |lag| Node::new(i, lag)));
+        nodes.filter(|node| result.graph[[node.var, j, node.lag]].is_link()).collect()
+    }
+
+    /// Puts the middle of a triple into the set that separates its ends, or takes it out, as the vote on it says.
+    pub(crate) fn amend(&mut self, triple: &Triple, with_middle: bool) {
+        let middle = Node::new(triple.k, 0);
+        let ends = [(triple.i, triple.j), (Node::new(triple.j, 0), triple.i.var)];
+        for &end in &ends[..if triple.i.lag == 0 { 2 } else { 1 }] {
+            let set = self.sepsets.entry(end).or_default();
+            if !with_middle {
+                set.retain(|node| *node != middle);
+            } else if !set.contains(&middle) {
+                set.push(middle);
+            }
+        }
     }
 
     /// The set that separated `i` from `j`; empty if no contemporaneous condition was needed.

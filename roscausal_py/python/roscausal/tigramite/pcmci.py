@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import warnings
 from collections.abc import Mapping, Sequence
@@ -28,7 +29,7 @@ Parents = Mapping[int, Sequence[tuple[int, int]]]
 _SETTINGS = (
     "tau_min", "tau_max", "pc_alpha", "alpha_level", "fdr_method", "max_conds_dim", "max_combinations", "max_conds_py", "max_conds_px",
     "max_conds_px_lagged", "contemp_collider_rule", "conflict_resolution", "reset_lagged_links", "n_preliminary_iterations", "max_cond_px",
-    "prelim_with_collider_rules",
+    "prelim_with_collider_rules", "pc_only",
 )  # fmt: skip
 
 
@@ -161,11 +162,7 @@ class PCMCI:
         parents: Parents | None = None, max_conds_py: int | None = None, max_conds_px: int | None = None, val_only: bool = False,
         alpha_level: float = 0.05, fdr_method: str = "none",
     ) -> Results:  # fmt: skip
-        """The MCI tests alone, given the parents of each variable.
-
-        Args:
-            parents: `{j: [(i, -lag), ..]}`, the strongest first; None: none. All else is as in `run_pcmci`.
-        """
+        """The MCI tests alone, given `parents` `{j: [(i, -lag), ..]}`, the strongest first; all else is as in `run_pcmci`."""
         not_covered(selected_links=selected_links)
         given = parents or {}
         settings = {**_engines(locals()), "pc_alpha": 0.2, "parents": [[(var, -lag) for var, lag in given.get(j, [])] for j in range(self.N)]}
@@ -219,21 +216,50 @@ class PCMCI:
             As `run_pcmci`, and `sepsets` `{((i, -lag), j): [nodes]}`, `ambiguous_triples` `[((i, -lag), k, j)]`.
         """
         not_covered(selected_links=selected_links)
-        settings = _engines(locals())
-        settings.pop("fdr_method")
-        found = self._run("pcmciplus", settings, link_assumptions)
+        return self._oriented(_engines(locals()), link_assumptions, fdr_method)
+
+    def _oriented(self, settings: dict[str, Any], links: Links | None, fdr_method: str) -> Results:
+        lags = {"tau_min": settings["tau_min"], "tau_max": settings["tau_max"]}
+        found = self._run("pcmciplus", {**settings, "fdr_method": "none"}, links)
         # The graph is that without correction, as in the reference.
-        found["q_matrix"] = self.get_corrected_pvalues(
-            found["p_matrix"], fdr_method, tau_min=tau_min, tau_max=tau_max, link_assumptions=link_assumptions
-        )
-        level = pc_alpha if isinstance(pc_alpha, (int, float)) else found["optimal_alpha"]
-        answer = self._matrices(found, level)
-        every = np.ndindex(tau_max + 1, self.N, self.N)
+        found["q_matrix"] = self.get_corrected_pvalues(found["p_matrix"], fdr_method, **lags, link_assumptions=links)
+        level = settings["pc_alpha"]
+        answer = self._matrices(found, level if isinstance(level, (int, float)) else found["optimal_alpha"])
+        every = itertools.product(range(lags["tau_min"], lags["tau_max"] + 1), range(self.N), range(self.N))
         sepsets: dict[Any, list[tuple[int, int]]] = {((i, -lag), j): [] for lag, i, j in every}
         for (var, lag), effect, conditions in found["sepsets"]:
             sepsets[(var, -lag), effect] = [(i, -t) for i, t in conditions]
-        triples = [((var, -lag), k, j) for (var, lag), k, j in found["ambiguous_triples"]]
+        # Where both ends are at lag 0, the reference lists a triple from each.
+        both = [(j, k, var) for (var, lag), k, j in found["ambiguous_triples"] if lag == 0]
+        ends = [(j, k, var, lag) for (var, lag), k, j in found["ambiguous_triples"]] + [(i, k, j, 0) for j, k, i in both]
+        triples = [((var, -lag), k, j) for j, k, var, lag in sorted(ends)]
         return {**answer, "sepsets": sepsets, "ambiguous_triples": triples}
+
+    def run_pcalg(
+        self, selected_links: None = None, link_assumptions: Links | None = None, pc_alpha: float = 0.01, tau_min: int = 0,
+        tau_max: int = 1, max_conds_dim: int | None = None, max_combinations: None = None, lagged_parents: None = None,
+        max_conds_py: None = None, max_conds_px: None = None, max_conds_px_lagged: None = None, mode: str = "standard",
+        contemp_collider_rule: str = "majority", conflict_resolution: bool = True,
+    ) -> Results:  # fmt: skip
+        """The PC algorithm on time series: conditions are neighbours at all lags, none is a parent beforehand.
+
+        Arguments and result are those of `run_pcmciplus`.
+        """
+        other = None if mode == "standard" else f"{mode!r} (run_pcmciplus does it)"
+        not_covered(selected_links=selected_links, max_combinations=max_combinations, lagged_parents=lagged_parents, mode=other)
+        found = self._oriented({**_engines(locals()), "max_combinations": 1, "pc_only": True}, link_assumptions, "none")
+        del found["conf_matrix"]
+        return found
+
+    def run_pcalg_non_timeseries_data(self, **settings: Any) -> Results:
+        """The PC algorithm at lag 0: `run_pcalg` without lags, in the nodes of its answer too.
+
+        Args:
+            settings: `pc_alpha`, `max_conds_dim`, `contemp_collider_rule`, `conflict_resolution`.
+        """
+        found = self.run_pcalg(tau_max=0, **settings)
+        sepsets = {(i, j): [k for k, _ in of] for ((i, _), j), of in found["sepsets"].items()}
+        return {**found, "sepsets": sepsets, "ambiguous_triples": [(i, k, j) for (i, _), k, j in found["ambiguous_triples"]]}
 
     run_fullci = _pairs("run_fullci", "Each link given all other lagged variables.")
     run_bivci = _pairs("run_bivci", "Each link given the past of its effect.")
@@ -242,21 +268,10 @@ class PCMCI:
     def run_sliding_window_of(
         self, method: str, method_args: Mapping[str, Any], window_step: int, window_length: int, conf_lev: float = 0.9
     ) -> Results:
-        """Runs a method in windows of the samples. The past of a window's first samples lies before it.
-
-        Args:
-            method: Such as "run_pcmci".
-            method_args: Its keywords.
-            window_step: Steps from one window to the next.
-            window_length: Samples of a window.
-            conf_lev: Level of the interval of values over the windows.
+        """Runs a method such as "run_pcmci" in windows of the samples. The past of a window's first samples lies before it.
 
         Returns:
-            `window_results`: the method's arrays with the window as first axis; `summary_results`: see
-            `return_summary_results`.
-
-        Raises:
-            SettingError: A method that is not there, a window longer than the data.
+            `window_results`: the method's arrays with the window as first axis; `summary_results`: see `return_summary_results`.
         """
         samples = self.dataframe.largest_time_step
         if window_step < 1 or not 1 <= window_length < samples:
@@ -279,18 +294,11 @@ class PCMCI:
         """Runs a method again and again on times drawn with replacement; lags stay whole.
 
         Args:
-            method, method_args, conf_lev: As in `run_sliding_window_of`.
-            boot_samples: Number of draws.
             boot_blocklength: Neighbouring times that are drawn together, or "cube_root".
             aggregation: "majority".
-            seed: Of the draws; None: another one each time.
 
         Returns:
             `boot_results`: the method's arrays with the draw as first axis; `summary_results`: see `return_summary_results`.
-
-        Raises:
-            ValueError: A method that is not there, a block that is too long, data that are too few.
-            NotImplementedError: `boot_blocklength="from_autocorrelation"`.
         """
         _repeatable(method)
         if aggregation != "majority" or boot_blocklength == "from_autocorrelation":
@@ -318,17 +326,8 @@ class PCMCI:
         self, p_matrix: NDArray[Any], fdr_method: str = "fdr_bh", exclude_contemporaneous: bool = True, tau_min: int = 0,
         tau_max: int = 1, link_assumptions: Links | None = None,
     ) -> NDArray[np.float64]:  # fmt: skip
-        """P-values corrected for many tests (Benjamini and Hochberg).
-
-        Args:
-            p_matrix: (N, N, tau_max + 1).
-            fdr_method: "none" or "fdr_bh".
-            exclude_contemporaneous: Whether lag 0 stays as it is and does not count.
-            link_assumptions: Links that are not listed do not count.
-
-        Returns:
-            The corrected p-values, of the same shape.
-        """
+        """P-values (N, N, tau_max + 1) corrected for many tests (Benjamini and Hochberg). Links that `link_assumptions` do not list do not
+        count, nor does lag 0 with `exclude_contemporaneous`."""
         p_values = np.ascontiguousarray(p_matrix, dtype=np.float64)
         if fdr_method == "none":
             return p_values
@@ -345,18 +344,7 @@ class PCMCI:
     def get_graph_from_pmatrix(
         self, p_matrix: NDArray[Any], alpha_level: float, tau_min: int, tau_max: int, link_assumptions: Links | None = None,
     ) -> NDArray[np.str_]:  # fmt: skip
-        """The marks of the links whose p-value is at most the level: --> with a lag, o-o at lag 0, or as assumed.
-
-        Args:
-            p_matrix: (N, N, tau_max + 1).
-            alpha_level: The level.
-            tau_min: Smallest lag of a link.
-            tau_max: Largest lag of a link.
-            link_assumptions: Links that are not listed are absent.
-
-        Returns:
-            Marks <U3 (N, N, tau_max + 1).
-        """
+        """The marks of the links whose p-value is at most the level: --> with a lag, o-o at lag 0, or as assumed."""
         p_values = np.asarray(p_matrix)
         there = p_values <= alpha_level
         lags = np.arange(p_values.shape[2])
@@ -415,6 +403,6 @@ class PCMCI:
 
 
 def _repeatable(method: str) -> None:
-    known = ["run_pcmci", "run_pcmciplus", "run_mci", "run_fullci", "run_bivci", "get_lagged_dependencies", "run_lpcmci", "run_jpcmciplus"]
+    known = "run_pcmci run_pcmciplus run_mci run_pcalg run_fullci run_bivci get_lagged_dependencies run_lpcmci run_jpcmciplus".split()
     if method not in known:
         raise SettingError(f"setting 'method': '{method}' cannot be run again and again; allowed: {', '.join(known)}")
