@@ -162,16 +162,46 @@ def test_what_lies_before_the_window_is_a_hidden_cause_as_in_the_reference():
         at_once = {(i, j) for i, j in itertools.combinations(order, 2) if random.random() < 0.25}
         lagged = [(i, j, lag) for i, j, lag in itertools.product(range(3), range(3), (1, 2)) if random.random() < (0.6 if i == j else 0.2)]
         links = {j: [(i, 0) for i in range(3) if (i, j) in at_once] + [(i, -lag) for i, effect, lag in lagged if effect == j] for j in range(3)}
+        hidden = [(*random.permutation(3)[:2], int(random.integers(3))) for _ in range(seed % 2)]
         x, y = [(order[0], -int(random.integers(3)))], [(order[int(random.integers(1, 3))], 0)]
         found = []
         for package in ("roscausal.tigramite", "tigramite"):
             module = pytest.importorskip(f"{package}.causal_effects").CausalEffects
-            one = module(module.get_graph_from_dict(links, tau_max=2), graph_type="stationary_dag", X=x, Y=y)
+            graph = module.get_graph_from_dict(links, tau_max=2)
+            for i, j, lag in hidden:
+                for pair in [(i, j, lag), (j, i, 0)][: 1 + (lag == 0)]:
+                    graph[pair] = graph[pair] or "<->"
+            one = module(graph, graph_type="stationary_admg" if hidden else "stationary_dag", X=x, Y=y)
             sets = [] if one.no_causal_path else [one.get_optimal_set(minimize=how) for how in (False, "colliders_only", True)]
-            found.append([one.graph.tolist(), [{(int(i), int(lag)) for i, lag in nodes} for nodes in sets]])
+            found.append([one.graph.tolist(), [nodes and {(int(i), int(lag)) for i, lag in nodes} for nodes in sets]])
         assert found[0] == found[1], (seed, links, x, y)
         compared += bool(found[0][1])
     assert compared >= 20, compared
+
+
+@pytest.mark.parametrize("scaled", [False, True])
+def test_regressors_on_parents_and_predictions_are_the_references(scaled):
+    linear, scaler = (pytest.importorskip(f"sklearn.{name}") for name in ("linear_model", "preprocessing"))
+    found = []
+    for package in ("roscausal.tigramite", "tigramite"):
+        models = pytest.importorskip(f"{package}.models")
+        processing = pytest.importorskip(f"{package}.data_processing")
+        test = pytest.importorskip(f"{package}.independence_tests.parcorr").ParCorr
+        frame = processing.DataFrame(series(), missing_flag=999.0, mask=np.random.default_rng(0).random((400, 4)) < 0.1)
+        regressor, given = linear.LinearRegression(), {"data_transform": scaler.StandardScaler() if scaled else None}
+        model = models.Models(frame, regressor, mask_type="y", **given)
+        fits = model.fit_full_model({**PARENTS, 0: []}, tau_max=3, return_data=True)
+        numbers = [fits[j]["data"] for j in range(4)] + model.predict_full_model() + [model.get_val_matrix()]
+        whole = processing.DataFrame(series(), missing_flag=999.0)
+        pred = models.Prediction(whole, range(300), range(350, 400), regressor, test(), **given)
+        causes = pred.get_predictors(steps_ahead=2, tau_max=4, pc_alpha=0.1)
+        pred.fit(causes, tau_max=4, return_data=True)
+        numbers += [pred.predict([0, 1, 2, 3]), *pred.predict([1, 3]), pred.predict(2)]
+        numbers += [pred.get_test_array(2), pred.get_train_array(3), pred.predict([1], new_data=processing.DataFrame(series()[::-1].copy()))]
+        found.append((causes, numbers))
+    assert found[0][0] == found[1][0] and any(found[0][0].values())
+    for own, other in zip(found[0][1], found[1][1], strict=True):
+        np.testing.assert_allclose(own, other, atol=1e-8)
 
 
 @pytest.mark.parametrize("how", ["minimized_optimal", [(0, 0)]])
@@ -192,15 +222,14 @@ def test_what_is_not_covered_is_refused_by_its_name():
     ours, models = module.CausalEffects, pytest.importorskip("roscausal.tigramite.models")
     graph = ours.get_graph_from_dict({0: [], 1: [(0, -1)]})
     simple = {"graph": graph, "graph_type": "stationary_dag", "X": [(0, -1)], "Y": [(1, 0)]}
-    for given in ({"graph_type": "stationary_admg"}, {"graph_type": "tsg_dag"}):
-        with pytest.raises(NotImplementedError, match="not covered"):
-            ours(**{**simple, **given})
+    with pytest.raises(NotImplementedError, match="not covered"):
+        ours(**{**simple, "graph_type": "tsg_dag"})
     for name in ("check_optimality", "get_mediators"):
         with pytest.raises(NotImplementedError, match=name):
             getattr(ours(**simple), name)
-    for name in ("Models", "Prediction"):
-        with pytest.raises(NotImplementedError, match=name):
-            getattr(models, name)(dataframe=None)
+    one = models.Models(pytest.importorskip("roscausal.tigramite.data_processing").DataFrame(series()), model=None)
+    with pytest.raises(NotImplementedError, match="Models.get_residuals_cov_mean"):
+        one.get_residuals_cov_mean()
     circle = np.array([["", "-->", "<--"], ["<--", "", "-->"], ["-->", "<--", ""]])
     for given in (
         {"X": [(2, -1)]}, {"X": [(0, 1)]}, {"X": [(1, 0)]}, {"X": []}, {"graph_type": "dag"}, {"S": [(1, 0)]}, {"hidden_variables": [(0, -1)]},

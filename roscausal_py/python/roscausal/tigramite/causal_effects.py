@@ -18,6 +18,7 @@ from .refusal import NotCovered, not_covered
 from .results import graph_of_links, interval
 
 MARKS = {"dag": {"-->", "<--"}, "stationary_dag": {"-->", "<--"}, "admg": {"-->", "<--", "<->", "+->", "<-+"}}
+MARKS["stationary_admg"] = MARKS["admg"]
 
 Least = bool | Literal["colliders_only"]
 SETS: dict[str, Least] = {"optimal": False, "minimized_optimal": True, "colliders_minimized_optimal": "colliders_only"}
@@ -28,7 +29,7 @@ class CausalEffects:
 
     Args:
         graph: Marks (N, N), or (N, N, tau_max + 1) as [cause, effect, lag].
-        graph_type: "dag", "stationary_dag", or "admg" with `<->` and `+->`.
+        graph_type: "dag", "admg" with `<->` and `+->`; "stationary_dag", "stationary_admg".
         X, Y, S: Causes, effects and conditions `[(i, -lag), ..]`.
         hidden_variables: Nodes that were not recorded; the graph goes on without them.
 
@@ -63,8 +64,8 @@ class CausalEffects:
         if graph_type not in MARKS:
             known = ", ".join(MARKS)
             raise NotCovered(f"graph_type='{graph_type}' is not covered by roscausal, which has {known}; tigramite's takes our frames")
-        marks = np.asarray(graph)
-        if marks.ndim != 2 + (graph_type == "stationary_dag") or len(set(marks.shape[:2])) > 1:
+        marks, over_time = np.asarray(graph), graph_type.startswith("stationary")
+        if marks.ndim != 2 + over_time or len(set(marks.shape[:2])) > 1:
             raise SettingError(f"setting 'graph': its shape {marks.shape} is none of graph_type='{graph_type}'")
         if others := sorted(set(map(str, np.unique(marks))) - MARKS[graph_type] - {""}):
             raise SettingError(f"setting 'graph': {others[0]} is no mark of graph_type='{graph_type}'")
@@ -79,7 +80,7 @@ class CausalEffects:
             raise SettingError("setting 'X': X, Y, S and hidden_variables are lists of nodes [(i, -lag), ..]") from None
         named = self.X + self.Y + self.S
         if not (self.X and self.Y) or len({*named, *hidden}) < len(named) + len(set(hidden)) or any(
-            not 0 <= i < self.N or lag > 0 or (lag < 0 and graph_type != "stationary_dag") for i, lag in named + hidden
+            not 0 <= i < self.N or lag > 0 or (lag < 0 and not over_time) for i, lag in named + hidden
         ):  # fmt: skip
             raise SettingError("setting 'X': X, Y, S and hidden_variables are different nodes (i, -lag) of the graph")
         self.tau_max = marks.shape[2] - 1 - min(lag for _, lag in named)

@@ -43,12 +43,3 @@ def missing(module: str, *names: str) -> Callable[[str], Any]:
         raise NotImplementedError(f"{module}.{name} is not covered by roscausal; {theirs}.{name} takes our frames and results")
 
     return refuse
-
-
-def refused(module: str, name: str) -> type:
-    """A class that can be imported and not be made: programs import names that they never use."""
-
-    def refuse(*_: Any, **__: Any) -> None:
-        missing(module, name)(name)
-
-    return type(name, (), {"__init__": refuse, "__doc__": f"Not covered: `{name}` is the reference's alone."})

@@ -1,4 +1,4 @@
-"""`structural_causal_process`: series of a known graph."""
+"""`structural_causal_process`, `var_process`: series of a known graph."""
 
 from __future__ import annotations
 
@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._native import SettingError
-from ..refusal import missing
-from ..results import graph_of_links
+from ..refusal import NotCovered, missing, not_covered
+from ..results import graph_as_dict, graph_of_links
 
 Links = Mapping[int, Sequence[tuple[tuple[int, int], float, Callable[[Any], Any]]]]
-__getattr__ = missing(
-    __name__, "check_stationarity", "dag_to_links", "generate_structural_causal_process", "var_process"
-)
+__getattr__ = missing(__name__, "check_stationarity", "generate_structural_causal_process")
 #: Marks (N, N, tau_max + 1) of a toy model.
 links_to_graph = graph_of_links
 
@@ -66,6 +64,30 @@ def structural_causal_process_ensemble(
     seeds = [None if ensemble_seed is None else ensemble_seed * realizations + number for number in range(realizations)]
     series, away = zip(*(structural_causal_process(**given, seed=seed) for seed in seeds))
     return np.stack(series), any(away)
+
+
+def var_process(
+    parents_neighbors_coeffs: Mapping[int, Sequence[tuple[tuple[int, int], float]]], T: int = 1000, use: str = "inv_inno_cov",
+    verbosity: int = 0, initial_values: None = None,
+) -> tuple[NDArray[np.float64], dict[int, list[tuple[int, int]]]]:  # fmt: skip
+    """T times of a linear process with lagged causes `{j: [((i, -lag), coefficient), ..]}` and unit noise of `np.random`; and its parents."""
+    not_covered(use=None if use == "inv_inno_cov" else use, initial_values=initial_values)
+    parents = {j: [(i, lag) for (i, lag), _ in of] for j, of in parents_neighbors_coeffs.items() if of}
+    longest = max((-lag for of in parents.values() for _, lag in of), default=0)
+    if any(lag == 0 for of in parents.values() for _, lag in of):
+        raise NotCovered("noise that depends at lag 0 is not covered by roscausal.tigramite; use structural_causal_process")
+    x = np.random.randn(len(parents_neighbors_coeffs), T).T
+    # The first rows stay as they are, like the reference's.
+    x[longest + 1 :] = np.random.randn(T, x.shape[1])[longest + 1 :]
+    for t in range(longest + 1, T):
+        for j, of in parents_neighbors_coeffs.items():
+            x[t, j] += sum(coefficient * x[t + lag, i] for (i, lag), coefficient in of)
+    return x, parents
+
+
+def dag_to_links(dag: NDArray[Any]) -> dict[int, list[tuple[int, int]]]:
+    """The parents `{j: [(i, -lag), ..]}` in a graph of marks."""
+    return {j: [node for node, mark in of.items() if mark == "-->"] for j, of in graph_as_dict(dag).items()}
 
 
 def _get_true_parent_neighbor_dict(links: Links) -> dict[int, list[tuple[int, int]]]:
