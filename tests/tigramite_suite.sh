@@ -31,6 +31,6 @@ for name in test_construct_array test_pcmci_calculations; do
   [ -e "$checkout/tests/$name.py" ] || broken "there is no tests/$name.py in $checkout"
   tests+=("$checkout/tests/$name.py")
 done
+export PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=$PWD/roscausal_py/tests
 cd "$made"
-export PYTHONDONTWRITEBYTECODE=1
-"$made/venv/bin/python" -m pytest -p roscausal.tigramite.pytest_plugin -p no:cacheprovider -q "${tests[@]}" "$@"
+"$made/venv/bin/python" -m pytest -p in_tigramites_place -p no:cacheprovider -q "${tests[@]}" "$@"

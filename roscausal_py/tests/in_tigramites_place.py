@@ -1,4 +1,4 @@
-"""Runs another program's tests of tigramite against roscausal: `pytest -p roscausal.tigramite.pytest_plugin`.
+"""Runs another program's tests of tigramite against roscausal: `pytest -p in_tigramites_place`, see tests/tigramite_suite.sh.
 
 Before the tests are imported, `PCMCI`, `DataFrame` and the five independence tests of `tigramite` are replaced by ours. Toy
 models and `OracleCI` stay tigramite's.

@@ -12,7 +12,7 @@ import roscausal.tigramite
 #: `help()` of these is their value.
 CONSTANTS = {"__version__"}
 #: Hooks and helpers of the package itself.
-INTERNAL = {"roscausal.message", "roscausal.page", "roscausal.version", "roscausal.__main__", "roscausal.tigramite.pytest_plugin"}
+INTERNAL = {"roscausal.message", "roscausal.page", "roscausal.version", "roscausal.__main__"}
 
 
 def modules():

@@ -24,28 +24,7 @@ from .rolling import Rolling, Window, roll
 from .version import __version__
 
 __all__ = [
-    "Advice",
-    "Cancelled",
-    "Contribution",
-    "DataError",
-    "Effect",
-    "Explanation",
-    "Forecast",
-    "Link",
-    "Model",
-    "Outlook",
-    "Picture",
-    "Recordings",
-    "Rolling",
-    "SettingError",
-    "StructuralModel",
-    "WhatIf",
-    "Window",
-    "__version__",
-    "demo",
-    "discover",
-    "load",
-    "msg_definitions",
-    "read",
-    "roll",
-]
+    "Advice", "Cancelled", "Contribution", "DataError", "Effect", "Explanation", "Forecast", "Link", "Model", "Outlook",
+    "Picture", "Recordings", "Rolling", "SettingError", "StructuralModel", "WhatIf", "Window", "__version__", "demo", "discover",
+    "load", "msg_definitions", "read", "roll",
+]  # fmt: skip

@@ -58,25 +58,12 @@ class Recordings:
         return iter(self.arrays)
 
     def rows(self, recording: int, start: int, end: int) -> Recordings:
-        """The rows `start` to `end - 1` of one recording, as one recording.
-
-        Args:
-            recording: Which one.
-            start: First row.
-            end: The row after the last one.
-        """
+        """The rows `start` to `end - 1` of one recording, as one recording."""
         masked = [rows[start:end] for rows in self.masked[recording : recording + 1]]
         return Recordings(self.names, [self.arrays[recording][start:end]], self.dt, self.exogenous, self.warnings, masked)
 
     def select(self, columns: Sequence[str]) -> Recordings:
-        """The same recordings with these variables only, in this order.
-
-        Args:
-            columns: Names of variables.
-
-        Raises:
-            SettingError: A name that is not there; the message has the nearest.
-        """
+        """The same recordings with the variables of these names only, in this order. A name that is not there is a SettingError."""
         for name in columns:
             if name not in self.names:
                 what = f"there is no column '{name}'{nearest(name, self.names)} (columns: {', '.join(self.names)})"

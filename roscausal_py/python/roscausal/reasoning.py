@@ -382,16 +382,10 @@ class StructuralModel:
         """
         where = self._moment(at, recording)
         question = {
-            "actions": [actions] if isinstance(actions, str) else list(actions),
-            "horizon": horizon,
-            "cost": dict(cost or {}),
-            "limits": list(limits),
-            "had": had,
-            "variables": list(variables),
-            "allow_extrapolation": allow_extrapolation,
-            "paths": paths,
-            "seed": seed,
-        }
+            "actions": [actions] if isinstance(actions, str) else list(actions), "horizon": horizon, "cost": dict(cost or {}),
+            "limits": list(limits), "had": had, "variables": list(variables), "allow_extrapolation": allow_extrapolation,
+            "paths": paths, "seed": seed,
+        }  # fmt: skip
         text, words = self._native.what_if(as_json(question), *where)
         found = json.loads(text)
         return WhatIf._of(found, words, outlooks=[_outlook(each) for each in found["outlooks"]])

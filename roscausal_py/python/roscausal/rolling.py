@@ -75,16 +75,7 @@ class Rolling(Sequence[Window]):
         return self.windows[index]
 
     def marks(self, cause: str, effect: str, lag: int) -> list[str]:
-        """The mark of one link in each window; "" where there is none.
-
-        Args:
-            cause: Name of the cause.
-            effect: Name of the effect.
-            lag: Steps from cause to effect.
-
-        Raises:
-            SettingError: A name or lag that no window has.
-        """
+        """The mark of one link in each window; "" where there is none. A name or lag that no window has is a SettingError."""
         return [str(mark) for mark in self._each("graph", "", cause, effect, lag)]
 
     def values(self, cause: str, effect: str, lag: int) -> NDArray[np.float64]:

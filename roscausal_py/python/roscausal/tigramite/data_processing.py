@@ -181,13 +181,10 @@ class DataFrame:
 
         Args:
             X: Nodes (variable, -lag); so are Y, Z and extraZ.
-            tau_max: Largest lag of the run.
-            mask: Instead of the frame's own.
             mask_type: Roles, of "x", "y", "z", in which a masked value excludes a sample.
             return_cleaned_xyz: Whether the nodes come back, too, without those that are in a role before.
-            do_checks: Whether the nodes are checked.
             remove_overlaps: Whether a node counts only in its first role.
-            cut_off: Samples at the beginning that are never used: "2xtau_max", "tau_max" or "max_lag".
+            cut_off: Samples at the beginning that are never used: "2xtau_max", "tau_max" or "max_lag"; tau_max is that of the run.
 
         Returns:
             The array (nodes, samples); the role of each row, 0 to 3 for x, y, z, extraZ; [the nodes by role;] None.

@@ -77,16 +77,8 @@ def interval(found: Any, conf_lev: float) -> NDArray[np.float64]:
 
 
 def summary(results_of_runs: Mapping[str, Any], conf_lev: float = 0.9, aggregation: str = "majority") -> dict[str, Any]:
-    """The most frequent marks of many runs, how frequent they are, mean values and intervals.
-
-    Args:
-        results_of_runs: `graph` and `val_matrix` with the run as first axis.
-        conf_lev: Level of the interval of values.
-        aggregation: "majority".
-
-    Returns:
-        `most_frequent_links`, `link_frequency`, `val_matrix_mean` (N, N, tau_max + 1); `val_matrix_interval` (.., 2).
-    """
+    """The most frequent marks of runs (`graph` and `val_matrix` with the run as first axis), how frequent they are, mean values and intervals:
+    `most_frequent_links`, `link_frequency`, `val_matrix_mean` (N, N, tau_max + 1); `val_matrix_interval` (.., 2)."""
     if aggregation != "majority":
         raise NotCovered(f"aggregation='{aggregation}' is not covered by roscausal.tigramite; it has 'majority'")
     graphs = np.asarray(results_of_runs["graph"])

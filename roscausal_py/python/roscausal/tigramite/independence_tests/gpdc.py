@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from ..refusal import not_covered
 from .independence_tests_base import CondIndTest
 
 
@@ -20,7 +17,4 @@ class GPDC(CondIndTest):
     """
 
     measure, _engine = "gp_dc", "gpdc"
-
-    def __init__(self, null_dist_filename: None = None, gp_params: None = None, **others: Any) -> None:
-        not_covered(null_dist_filename=null_dist_filename, gp_params=gp_params)
-        super().__init__(**others)
+    _fixed = {"null_dist_filename": None, "gp_params": None}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -45,17 +46,20 @@ class CondIndTest:
     measure = ""
     _engine = ""
     _significance = "analytic"
+    #: Keywords that only this test has, with the one value that the engine has.
+    _fixed: Mapping[str, Any] = {}
     #: Whether a threshold is compared with the value, not with its size.
     _one_sided = False
 
     def __init__(
-        self, seed: int = 42, mask_type: str | None = None, significance: str | None = None, fixed_thres: float | None = None,
+        self, *, seed: int = 42, mask_type: str | None = None, significance: str | None = None, fixed_thres: float | None = None,
         sig_samples: int = 500, sig_blocklength: int | None = None, confidence: str | None = None, conf_lev: float = 0.9,
         conf_samples: int = 100, conf_blocklength: int | None = None, recycle_residuals: bool = False, verbosity: int = 0,
         **others: object,
     ) -> None:  # fmt: skip
+        other = {name: True for name, usual in self._fixed.items() if str(others.pop(name, usual)) != str(usual)}
         unknown(type(self).__name__, others, KEYWORDS)
-        not_covered(fixed_thres=fixed_thres)
+        not_covered(fixed_thres=fixed_thres, **other)
         if not self._engine:
             raise NotCovered("a test of your own needs no base class: give PCMCI an object with run_test_raw(x, y, z)")
         self.seed, self.mask_type, self.verbosity = seed, mask_type, verbosity
@@ -107,17 +111,9 @@ class CondIndTest:
         self, X: Nodes, Y: Nodes, Z: Nodes | None = None, tau_max: int = 0, cut_off: str = "2xtau_max",
         alpha_or_thres: float | None = None,
     ) -> Any:  # fmt: skip
-        """Tests X _||_ Y | Z on the data frame.
+        """Tests X _||_ Y | Z on the data frame: (value, p-value), and the decision with a level or threshold `alpha_or_thres`.
 
-        Args:
-            X: One node `[(variable, -lag)]`; so is Y.
-            Z: Nodes.
-            tau_max: Largest lag of the run, for `cut_off`.
-            cut_off: Samples at the beginning that are not used: "2xtau_max", "tau_max", "max_lag".
-            alpha_or_thres: Level, or with "fixed_thres" the threshold.
-
-        Returns:
-            (value, p-value), and the decision if `alpha_or_thres` is given.
+        X and Y are one node `[(variable, -lag)]` each, Z any nodes; `cut_off` and `tau_max` are those of `construct_array`.
         """
         return self._decided(self._on_nodes(X, Y, Z, tau_max, cut_off), alpha_or_thres)
 
@@ -136,14 +132,7 @@ class CondIndTest:
         self, x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None, x_type: ArrayLike | None = None,
         y_type: ArrayLike | None = None, z_type: ArrayLike | None = None, alpha_or_thres: float | None = None,
     ) -> Any:  # fmt: skip
-        """Tests x _||_ y | z on arrays.
-
-        Args:
-            x: (n,), or (n, k) for a vector; so is y.
-            z: (n, k), or None.
-            x_type: Like x, 0 for numbers and 1 for categories; so are y_type and z_type.
-            alpha_or_thres: As in `run_test`; so is what comes back.
-        """
+        """Tests x _||_ y | z on arrays (n,), or (n, k) for vectors and conditions, as `run_test`. Types are 0 for numbers, 1 for categories."""
         parts = [_columns(x, "x"), _columns(y, "y"), *([] if z is None else [_columns(z, "z")])]
         if len({part.shape[0] for part in parts}) != 1:
             raise DataError(f"x, y and z have {', '.join(str(part.shape[0]) for part in parts)} samples; give the same number")

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from ..refusal import not_covered
 from .independence_tests_base import CondIndTest
 
 
@@ -20,7 +17,4 @@ class ParCorrMult(CondIndTest):
     """
 
     measure, _engine = "par_corr_mult", "parcorrmult"
-
-    def __init__(self, correlation_type: str = "max_corr", **others: Any) -> None:
-        not_covered(correlation_type=None if correlation_type == "max_corr" else correlation_type)
-        super().__init__(**others)
+    _fixed = {"correlation_type": "max_corr"}

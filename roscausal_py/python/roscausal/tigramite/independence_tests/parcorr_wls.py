@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from ..refusal import not_covered
 from .independence_tests_base import CondIndTest
 
 
@@ -20,14 +17,6 @@ class ParCorrWLS(CondIndTest):
     """
 
     measure, _engine = "par_corr_wls", "parcorrwls"
-
-    def __init__(
-        self, gt_std_matrix: None = None, expert_knowledge: str = "time-dependent heteroskedasticity", window_size: int = 10,
-        robustify: bool = False, **others: Any,
-    ) -> None:  # fmt: skip
-        over_time = expert_knowledge == "time-dependent heteroskedasticity"
-        not_covered(
-            gt_std_matrix=gt_std_matrix, robustify=robustify, expert_knowledge=None if over_time else expert_knowledge,
-            window_size=None if window_size == 10 else window_size,
-        )  # fmt: skip
-        super().__init__(**others)
+    _fixed = {
+        "gt_std_matrix": None, "expert_knowledge": "time-dependent heteroskedasticity", "window_size": 10, "robustify": False,
+    }  # fmt: skip
