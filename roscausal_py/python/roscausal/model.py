@@ -155,14 +155,7 @@ class Picture:
         return self.svg
 
     def png(self, scale: float = 2.0) -> bytes:
-        """The picture as PNG, with an embedded font.
-
-        Args:
-            scale: Pixels per unit.
-
-        Raises:
-            DataError: No SVG, or too large a picture.
-        """
+        """The picture as PNG of `scale` pixels per unit, with an embedded font. No SVG, or too large a picture, is a DataError."""
         return _native.picture(self.svg, scale)
 
     def pdf(self) -> bytes:

@@ -252,11 +252,7 @@ class PCMCI:
         return found
 
     def run_pcalg_non_timeseries_data(self, **settings: Any) -> Results:
-        """The PC algorithm at lag 0: `run_pcalg` without lags, in the nodes of its answer too.
-
-        Args:
-            settings: `pc_alpha`, `max_conds_dim`, `contemp_collider_rule`, `conflict_resolution`.
-        """
+        """The PC algorithm at lag 0: `run_pcalg` and its settings without lags, in the nodes of its answer too."""
         found = self.run_pcalg(tau_max=0, **settings)
         sepsets = {(i, j): [k for k, _ in of] for ((i, _), j), of in found["sepsets"].items()}
         return {**found, "sepsets": sepsets, "ambiguous_triples": [(i, k, j) for (i, _), k, j in found["ambiguous_triples"]]}
@@ -291,11 +287,7 @@ class PCMCI:
         self, method: str, method_args: Mapping[str, Any], boot_samples: int = 100, boot_blocklength: int | str = 1,
         conf_lev: float = 0.9, aggregation: str = "majority", seed: int | None = None,
     ) -> Results:  # fmt: skip
-        """Runs a method again and again on times drawn with replacement; lags stay whole.
-
-        Args:
-            boot_blocklength: Neighbouring times that are drawn together, or "cube_root".
-            aggregation: "majority".
+        """Runs a method again and again on times drawn with replacement, `boot_blocklength` (or "cube_root") neighbours at once; lags stay whole.
 
         Returns:
             `boot_results`: the method's arrays with the draw as first axis; `summary_results`: see `return_summary_results`.
