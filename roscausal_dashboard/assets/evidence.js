@@ -17,7 +17,7 @@ export function showEvidence(place, link, model, models, seen, words) {
     list.append(row);
   };
   fact("strength", link.tested ? link.value.toFixed(4) : "required, not tested");
-  if (link.tested) fact("p-value", link.p !== 0 && link.p < 0.001 ? link.p.toExponential(1) : String(+link.p.toFixed(4)));
+  if (link.tested) fact("p-value", link.p < model.smallest_p ? `< ${model.smallest_p}` : String(+link.p.toFixed(4)));
   fact("samples", String(found?.n_samples ?? model.samples));
   if (typeof link.confidence === "number") fact("confidence", `${Math.round(100 * link.confidence)} % of the resamples have it`);
   if (found?.interval) fact("interval", found.interval.map((value) => value.toFixed(4)).join(" to "));
@@ -29,7 +29,7 @@ export function showEvidence(place, link, model, models, seen, words) {
   fact("found in", `${having.length} of ${models.length} models: ${having.length > 4 ? "..., " : ""}${having.slice(-4).map((m) => m.batch).join(", ")}`);
   const plots = make("div", "", "plots");
   if (found) {
-    plots.append(lagFunction(found, model.level));
+    plots.append(lagFunction(found, model.level, model.has_sign));
     const axes = [`${found.cause}(t-${found.lag})`, `${found.effect}(t)`];
     plots.append(dots(found.scatter, `${found.scatter.length} of ${found.n_samples} samples`, ...axes));
     if (found.residuals.length) plots.append(dots(found.residuals, "After the conditions (linear)", ...axes));
@@ -62,7 +62,7 @@ function upwards(svg, [low, high]) {
   return y;
 }
 
-function lagFunction(found, level) {
+function lagFunction(found, level, has_sign) {
   const svg = frame("Strength at each lag");
   const band = found.band ?? 0;
   const y = upwards(svg, range([...found.lags.map((at) => at.value), 0, band, -band]));
@@ -71,7 +71,7 @@ function lagFunction(found, level) {
   if (band) element("rect", { class: "band", x: LEFT, width: WIDTH - 8 - LEFT, y: y(band), height: y(-band) - y(band) }, svg);
   element("path", { class: "axes", d: `M ${LEFT} ${y(0)} H ${WIDTH - 8}` }, svg);
   for (const at of found.lags) {
-    const kind = at.value < 0 ? "stem negative" : "stem";
+    const kind = !has_sign ? "stem unsigned" : at.value < 0 ? "stem negative" : "stem";
     element("path", { class: kind, d: `M ${x(at.lag)} ${y(0)} V ${y(at.value)}` }, svg);
     element("circle", { class: level !== null && at.p_value <= level ? `${kind} full` : kind, cx: x(at.lag), cy: y(at.value), r: 3.6 }, svg);
     if (at.lag === found.lag) element("circle", { class: "own", cx: x(at.lag), cy: y(at.value), r: 7 }, svg);

@@ -12,7 +12,7 @@ export function compared(model, before) {
 
 /** A link as a sentence. */
 export function sentence(link, { dt, smallest_p: smallest }) {
-  const earlier = link.lag === 0 ? "at the same time" : `at t-${link.lag}${dt > 0 ? ` (${+(link.lag * dt).toFixed(3)} s earlier)` : ""}`;
+  const earlier = link.lag === 0 ? "at the same time" : `at t-${link.lag}${dt > 0 ? ` (${+(link.lag * dt).toPrecision(3)} s earlier)` : ""}`;
   const effect = link.cause === link.effect ? "itself" : link.effect;
   const p = link.p < smallest ? `p < ${smallest}` : `p = ${link.p.toFixed(3)}`;
   // What is not an arrow of a cause comes in the node's own words.

@@ -243,6 +243,7 @@ fn model_json(number: u64, info: &CausalModelInfo, model: &Model) -> Json {
         "smallest_p": model.smallest_p(),
         "level_name": model.link_level_in_words().0,
         "level": model.link_level(),
+        "has_sign": model.has_sign(),
         "dt": info.dt,
         "samples": info.n_samples,
         "seconds": rounded(info.run_time_s),

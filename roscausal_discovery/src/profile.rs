@@ -9,7 +9,7 @@
 
 use std::collections::HashSet;
 
-use ndarray::ArrayView1;
+use ndarray::{Array2, ArrayView1, s};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -174,13 +174,30 @@ impl DataProfile {
         let memory = self.variables.iter().filter(|v| v.distinct > 1);
         let memory =
             memory.map(|v| (rows - v.missing) as f64 / v.effective_samples.max(1.0)).fold(1.0, f64::max);
-        let later = Later::of(data, tau_max, memory).into_iter();
-        self.later = later.filter(|one| !self.both_drift([&one.cause, &one.effect])).collect();
+        self.later = Later::of(data, tau_max, memory);
+        // Two that drift depend at any lag; what their changes show, too, is more than that.
+        let drift = |one: &Later| self.both_drift([&one.cause, &one.effect]);
+        if self.later.iter().any(drift) {
+            let seen = changes(data).map_or_else(Vec::new, |data| Later::of(&data, tau_max, memory));
+            let pair = |one: &Later| (one.cause.clone(), one.effect.clone());
+            let is_more = |one: &Later| !drift(one) || seen.iter().any(|of| pair(of) == pair(one));
+            let mut later: Vec<Later> = self.later.iter().filter(|one| is_more(one)).cloned().collect();
+            let advised = later.iter().map(|one| one.lag + 1).max().unwrap_or(0);
+            later.iter_mut().for_each(|one| one.tau_max = advised);
+            self.later = later;
+        }
         self.unsteady = Unsteady::of(data, tau_max);
         let reported = [Later::reported(&self.later, dt), Unsteady::reported(&self.unsteady, dt)];
         self.remarks.splice(0..0, reported.into_iter().flatten());
         self
     }
+}
+
+/// The changes from row to row.
+fn changes(data: &DataFrame) -> Option<DataFrame> {
+    let of =
+        |rows: &Array2<f64>| (rows.nrows() > 1).then(|| &rows.slice(s![1.., ..]) - &rows.slice(s![..-1, ..]));
+    DataFrame::new(data.recordings().iter().filter_map(of).collect(), data.var_names().to_vec()).ok()
 }
 
 /// What so few samples can show: the correlation that a two-sided test at 5 % needs (Fisher's z).
@@ -299,8 +316,7 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (VariableProfile, Vec<St
     profile.outliers = outliers * stride;
     if outliers * 10 >= spread.len() {
         remarks.push(format!(
-            "{name} has {} % of its values, such as {farthest}, more than {FAR} robust deviations from the median: a test of ranks \
-             bears that",
+            "{name} has {} % of its values, such as {farthest}, more than {FAR} robust deviations from the median{RANKS}",
             100 * outliers / spread.len()
         ));
     } else if outliers > 0 {
@@ -601,6 +617,11 @@ mod tests {
             |test: &str| profile.clone().for_test(test).remarks.join(" ").contains("use a test of ranks");
         assert_eq!([advised("parcorr"), advised("robustparcorr")], [true, false], "{:?}", profile.remarks);
         assert!(profile.for_test("robustparcorr").remarks[0].contains("has outliers"));
+        let mut wild = noise(500, 2, 5);
+        wild.column_mut(1).iter_mut().step_by(7).for_each(|value| *value *= 1000.0);
+        let (profile, _) = of(vec![wild]);
+        let remarks = profile.for_test("robustparcorr").remarks.join(" ");
+        assert!(remarks.contains("% of its values") && !remarks.contains("ranks"), "{remarks}");
     }
 
     #[test]

@@ -102,3 +102,25 @@ fn an_exact_effect_leaves_nothing_to_look_for() {
     let data = DataFrame::new(vec![rows], vec!["x1".into(), "x2".into()]).unwrap();
     assert_eq!(Later::of(&data, 1, 2.0), []);
 }
+
+/// Three series with a trend each: b follows a after three rows if `follows`, c neither.
+fn with_trends(follows: bool) -> DataFrame {
+    let mut seed = 5;
+    let mut values = Array2::from_shape_fn((600, 3), |_| normal(&mut seed));
+    for t in (3..600).rev().filter(|_| follows) {
+        values[[t, 1]] += 0.7 * values[[t - 3, 0]];
+    }
+    for ((t, var), value) in values.indexed_iter_mut() {
+        *value += (0.01 + 0.002 * var as f64) * t as f64;
+    }
+    DataFrame::new(vec![values], ["a", "b", "c"].map(str::to_owned).to_vec()).unwrap()
+}
+
+#[test]
+fn trends_alone_are_no_longer_lag_and_hide_none() {
+    assert_eq!(advised(&with_trends(false)), 1);
+    let (profile, _) = DataProfile::of(&with_trends(true), 1);
+    let later = profile.with_later(&with_trends(true), 1, None).later;
+    assert_eq!(later.len(), 1, "{later:?}");
+    assert_eq!((later[0].cause.as_str(), later[0].effect.as_str(), later[0].lag), ("a", "b", 3));
+}

@@ -163,7 +163,7 @@ fn data(material: &Material) -> String {
 
 fn settings(model: &Model) -> String {
     let level = |level: Option<f64>, none: &str| level.map_or(none.to_owned(), |level| level.to_string());
-    let step = model.dt.map_or("unknown".to_owned(), |dt| format!("{dt:.4} s"));
+    let step = model.step_in_words().unwrap_or_else(|| "unknown".to_owned());
     let (level_name, level_text) = model.link_level_in_words();
     let rows = [
         ("method", escaped(model.method.name())),

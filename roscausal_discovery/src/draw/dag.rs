@@ -154,8 +154,8 @@ fn below(svg: &mut Svg, foot: f64, model: &Model, bare: bool, lines: &[String]) 
         "on an arrow: lags in steps · largest strength"
     };
     svg.text(Point::new(186.0, foot + 4.0), TEXT, "start", INK, note);
-    if let Some(dt) = model.dt {
-        svg.text(Point::new(186.0, foot + 22.0), TEXT, "start", INK, &format!("one step is {dt:.3} s"));
+    if let Some(step) = model.step_in_words() {
+        svg.text(Point::new(186.0, foot + 22.0), TEXT, "start", INK, &format!("one step is {step}"));
     }
     legend_of_marks(svg, Point::new(16.0, foot + LEGEND - 16.0), model);
     let foot = foot + height_of_marks(model);

@@ -140,10 +140,7 @@ impl Model {
 
     /// How it was found: `PCMCI with parcorr (alpha 0.05, lags 1..3) on 498 samples: 4 links between variables`.
     fn headline(&self) -> String {
-        let step = self.dt.map_or(String::new(), |dt| match self.lag_in_words(1) {
-            seconds if seconds.ends_with(" s") && dt > 0.005 => format!(" at steps of {dt:.3} s"),
-            step => format!(" at steps of {step}"),
-        });
+        let step = self.step_in_words().map_or(String::new(), |step| format!(" at steps of {step}"));
         let recordings = match self.n_recordings {
             1 => String::new(),
             n if self.settings.get("levels").is_some_and(|levels| levels == "remove") => {
@@ -166,6 +163,14 @@ impl Model {
             "{method} with {test} ({level_name} {level}{fdr}, lags {}..{}) on {samples} samples{recordings}{step}: {links} between variables",
             self.tau_min, self.tau_max
         )
+    }
+
+    /// The step between rows in words, where it is known: `0.100 s`, `1 day`.
+    pub fn step_in_words(&self) -> Option<String> {
+        let dt = self.dt?;
+        let step = self.lag_in_words(1);
+        let is_plain = step.ends_with(" s") && (0.005..1000.0).contains(&dt);
+        Some(if is_plain { format!("{dt:.3} s") } else { step })
     }
 
     /// `lag` steps in words: `0.2 s`, `3 days`, `2 rows`.
@@ -302,12 +307,21 @@ impl<'a> Facts<'a> {
         reported
     }
 
-    /// That the first claim of two variables that drift may come of that.
+    /// Which of the claims' variables drift, of two that both do: that alone may link them.
     fn drifting(&self) -> Option<String> {
         let profile = self.model.about_data.as_ref()?;
         let drift = |of: &&SummaryLink| of.is_claim() && profile.both_drift([&of.cause, &of.effect]);
-        let (SummaryLink { cause, effect, .. }, way) = (self.links.iter().find(drift)?, Named("difference"));
-        Some(format!("{cause} and {effect} both drift, which alone may link them: {way} takes it out."))
+        let mut names: Vec<String> = Vec::new();
+        for link in self.links.iter().filter(drift) {
+            [&link.cause, &link.effect].into_iter().for_each(|name| add_new(&mut names, name.clone()));
+        }
+        let (detrend, difference) = (Named("detrend"), Named("difference"));
+        (!names.is_empty()).then(|| {
+            format!(
+                "{} drift, which alone may link them: {detrend} or {difference} takes it out.",
+                listed(&names)
+            )
+        })
     }
 
     /// The pairs of which something is claimed with this word.
@@ -407,18 +421,20 @@ impl<'a> Facts<'a> {
             false => format!("lags {} to {}", model.tau_min, model.tau_max),
         };
         match tested {
+            0 if all > 0 || model.status != Status::Complete => {
+                "No pair has a result, so nothing is known of any link.".to_owned()
+            }
+            _ if tested < all => {
+                format!("No causal link found among the {tested} of {all} pairs and lags that were tested.")
+            }
             _ if is_later => format!("No causal link found at {lags}."),
             // All variables were left out, by which of the two is told beside this.
-            0 if all == 0 && model.status == Status::Complete => {
-                "No causal link found: no variable passes both the filter and the test.".to_owned()
-            }
-            0 => "No pair was tested, so nothing is known of any link.".to_owned(),
-            _ if tested == all => {
+            0 => "No causal link found: no variable passes both the filter and the test.".to_owned(),
+            _ => {
                 format!(
                     "No causal link found between two variables: every pair may be independent at {lags}."
                 )
             }
-            _ => format!("No causal link found among the {tested} of {all} pairs and lags that were tested."),
         }
     }
 

@@ -38,5 +38,6 @@ pub use lock::lock;
 pub use marks::{LinkEnd, LinkMark};
 pub use node::Node;
 pub use samples::{LaggedArrays, Samples};
-pub(crate) use words::time_in_words;
+#[doc(hidden)]
+pub use words::time_in_words;
 pub use words::{Named, spelled_out};

@@ -27,7 +27,8 @@ impl fmt::Display for Named {
 }
 
 /// So many steps of `dt` seconds in words: `0.2 s`, `3 days`.
-pub(crate) fn time_in_words(dt: f64, steps: usize) -> String {
+#[doc(hidden)]
+pub fn time_in_words(dt: f64, steps: usize) -> String {
     let days = [(365.0, "year", 366.0), (89.0, "quarter", 92.0), (28.0, "month", 31.0), (7.0, "week", 7.0)];
     let is = |(from, _, to): &(f64, &str, f64)| (*from..=*to).contains(&(dt / 86_400.0));
     let Some((_, name, _)) = days.into_iter().chain([(1.0, "day", 1.0)]).find(is) else {

@@ -80,6 +80,8 @@ class Link:
             what = f"{self.cause} {when} drives {effect}{hidden}"
         elif self.mark == "<->":
             what = f"{self.cause} {when} and {self.effect}: something not recorded drives both"
+        elif self.mark == "x->":
+            what = f"{self.cause} {when} and {self.effect}: on whether it drives it the data contradict themselves"
         else:
             what = f"{self.cause} and {self.effect} depend on each other {when}, direction open"
         if self.value is None or self.p_value is None:

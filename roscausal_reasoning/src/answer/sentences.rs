@@ -1,5 +1,7 @@
 //! Numbers and steps in words.
 
+use roscausal_discovery::time_in_words;
+
 use crate::model::StructuralModel;
 
 /// A number in three significant digits: `0.312`, `12.5`, `1340`.
@@ -32,7 +34,7 @@ pub(super) fn with_unit(model: &StructuralModel, var: usize, value: f64) -> Stri
 pub(super) fn steps(model: &StructuralModel, steps: usize) -> String {
     let word = if steps == 1 { "step" } else { "steps" };
     match model.facts.dt {
-        Some(dt) => format!("{steps} {word} ({} s)", short(steps as f64 * dt)),
+        Some(dt) => format!("{steps} {word} ({})", time_in_words(dt, steps)),
         None => format!("{steps} {word}"),
     }
 }

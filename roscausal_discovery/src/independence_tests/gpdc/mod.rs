@@ -37,7 +37,9 @@ use super::{
 };
 use crate::{
     numeric::rows::{is_constant, standardized},
-    types::{CondIndTest, Error, LaggedArrays, Node, PreparedTest, Result, Samples, TestResult, unique},
+    types::{
+        CondIndTest, Error, LaggedArrays, Named, Node, PreparedTest, Result, Samples, TestResult, unique,
+    },
 };
 use distance_correlation::of_ranks;
 use null_table::NullTable;
@@ -284,10 +286,11 @@ impl PreparedTest for PreparedGpdc<'_> {
             let causes: Vec<String> = z.iter().map(|node| format!("{}(t-{})", name(node), node.lag)).collect();
             format!(
                 "the Gaussian process of {} on {} has several optima; the result depends on which is found, and a better one is near \
-                 (log likelihood {log_likelihood:.1} instead of {:.1}): gp-restarts 10 looks for it",
+                 (log likelihood {log_likelihood:.1} instead of {:.1}): {} 10 looks for it",
                 name(&effect),
                 causes.join(", "),
-                found.log_likelihood
+                found.log_likelihood,
+                Named("gp_restarts")
             )
         }))
     }
