@@ -351,14 +351,13 @@ fn speeds_of_places_are_of_the_age_of_the_places_and_hold_uses_none_that_is_late
         for k in (0..).map(|k| 10.0 + 0.05 * f64::from(k)).take_while(|t| *t < until) {
             recorder.robot(&robot(k), Time::ZERO);
             let mut seen = person(1, k);
-            seen.pose2d.x = way(k) + if (20.0 * k) as u32 % 2 == 0 { 0.02 } else { -0.02 };
+            seen.pose2d.x = way(k) + if ((20.0 * k) as u32).is_multiple_of(2) { 0.02 } else { -0.02 };
             (seen.twist.linear.x, seen.twist.angular.z) = (9.0, f64::NAN);
             recorder.humans(&humans(k, vec![seen]), Time::ZERO);
         }
         recorder.finish();
         let batch = recorder.take_batches().remove(0);
-        let at = move |t: f64| batch.people[&1][(t - batch.start.as_secs_f64()).mul_add(10.0, 0.5) as usize];
-        at
+        move |t: f64| batch.people[&1][(t - batch.start.as_secs_f64()).mul_add(10.0, 0.5) as usize]
     };
     let (auto, hold) = (recorded(Sampling::Auto, 20.0), recorded(Sampling::Hold, 20.0));
     for (t, v) in [(11.5, 1.0), (12.4, 1.0), (14.0, 0.0), (15.0, 0.0), (17.5, 1.0)] {

@@ -239,7 +239,8 @@ fn the_frame_rate_is_that_at_which_places_and_velocities_agree() {
 
 #[test]
 fn a_velocity_behind_the_place_tells_the_rate_and_what_is_none_does_not() {
-    let notes = |line: fn((f64, u32, [f64; 2], [f64; 2])) -> String| {
+    type Seen = (f64, u32, [f64; 2], [f64; 2]);
+    let notes = |line: fn(Seen) -> String| {
         let content: String = crowd(0.4).into_iter().map(line).collect();
         read(&content, &TrajectoryReading::default(), &choice("all")).expect("people").notes.join("\n")
     };
