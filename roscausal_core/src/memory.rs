@@ -118,9 +118,9 @@ impl Growth {
     pub fn check(&mut self, unpacked: u64, packed: u64, memory: Memory) -> std::result::Result<(), String> {
         memory.check(unpacked)?;
         let most = self.most(packed);
-        if unpacked > most {
-            return Err(format!("it holds more than {} in {packed} bytes, which no data do", size(most)));
-        }
+        ensure(unpacked <= most, || {
+            format!("it holds more than {} in {packed} bytes, which no data do", size(most))
+        })?;
         self.count(packed, unpacked);
         Ok(())
     }

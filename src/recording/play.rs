@@ -287,8 +287,8 @@ impl Played {
         if follows.parse::<f64>().is_ok_and(|share| share >= 50.0) {
             tell!(
                 "note: {file}: the robot follows people in {follows} % of the rows in which both move: their distance is then a sum of both \
-                 speeds, and a link from it to a speed may be there without a cause; where their tracker tells places only, fewer such links come \
-                 of --param data.sampling=hold"
+                 speeds, and a link from it to a speed may be there without a cause; where their tracker tells places only, --param data.sampling=hold \
+                 gives fewer such links"
             );
         }
         self.losses.iter().for_each(|loss| tell!("note: {loss}"));

@@ -17,6 +17,7 @@ mod parser;
 mod unit;
 
 use super::tracks::{Field, Values};
+use crate::ensure;
 use crate::grammar::{self, Language, Operator, Scanner};
 use parser::Names;
 
@@ -170,23 +171,21 @@ impl Expression {
 
     fn with_names(text: &str, names: &mut Names<'_>) -> Result<Self, String> {
         let length = text.len();
-        if length > LONGEST {
-            return Err(format!("an expression of {length} characters is too long; allowed: {LONGEST}"));
-        }
+        ensure(length <= LONGEST, || {
+            format!("an expression of {length} characters is too long; allowed: {LONGEST}")
+        })?;
         let mut scanner = Scanner::new(text);
         let parsed = names.expression(&mut scanner).and_then(|root| {
             scanner.end("an operator or the end is missing")?;
             Ok(root)
         });
         let root = parsed.map_err(|fault| format!("'{text}', {fault}"))?;
-        if root.changes() > DEEPEST_CHANGE {
-            return Err(format!(
-                "'{text}' has more than {DEEPEST_CHANGE} diff() and rate() within each other"
-            ));
-        }
-        if root.kind()? == Kind::Point {
-            return Err(format!("'{text}' is a point, not a number; try dist(...), norm(...) or speed(h)"));
-        }
+        ensure(root.changes() <= DEEPEST_CHANGE, || {
+            format!("'{text}' has more than {DEEPEST_CHANGE} diff() and rate() within each other")
+        })?;
+        ensure(root.kind()? != Kind::Point, || {
+            format!("'{text}' is a point, not a number; try dist(...), norm(...) or speed(h)")
+        })?;
         Ok(Self { root })
     }
 
@@ -245,9 +244,7 @@ impl Node {
                     _ => (Kind::Point, "points"),
                 };
                 for argument in arguments {
-                    if argument.kind()? != kind {
-                        return Err(format!("{name}() takes {wanted}"));
-                    }
+                    ensure(argument.kind()? == kind, || format!("{name}() takes {wanted}"))?;
                 }
                 Ok(Kind::Number)
             }

@@ -12,7 +12,7 @@ use super::{
     risk::{Body, RiskModel, risk_exponent},
     tracks::Values,
 };
-use crate::{Error, Result, grammar::rejoined, mix};
+use crate::{Error, Result, ensure, grammar::rejoined, mix};
 
 /// Larger exponents of the risk cannot be: bodies would have to meet at more than 5 m/s at a distance of 0.1 m. The cell is
 /// emptied and counted.
@@ -120,9 +120,9 @@ impl Feature {
     fn distinct(parameter: &str, features: Result<Vec<Self>>) -> Result<Vec<Self>> {
         let features = features?;
         for (i, feature) in features.iter().enumerate() {
-            if features[..i].iter().any(|other| plain(&other.name) == plain(&feature.name)) {
-                return Err(Error::param(parameter, format!("'{}' is defined twice", feature.name)));
-            }
+            ensure(features[..i].iter().all(|other| plain(&other.name) != plain(&feature.name)), || {
+                Error::param(parameter, format!("'{}' is defined twice", feature.name))
+            })?;
         }
         Ok(features)
     }

@@ -13,9 +13,9 @@ use super::{
     recording::{EndedBy, Recording},
     select::Select,
     signal_track::SignalTrack,
-    tracks::{Sampling, Taken, Track, Values},
+    tracks::{AHEAD_NS, Sampling, Taken, Track, Values},
 };
-use crate::{signal::How, state::scene::speed};
+use crate::{ensure, signal::How, state::scene::speed};
 
 mod rows;
 
@@ -29,8 +29,8 @@ const JUMP_AHEAD_NS: i64 = 60_000_000_000;
 const MOST_PEOPLE: usize = 512;
 /// A batch without `ts_length` ends after this many rows.
 const MOST_ROWS: usize = 1_000_000;
-/// Larger stamps (292 years) are invalid: sums of stamps must not overflow.
-const FARTHEST_NS: u64 = 1 << 62;
+/// Larger stamps (73 years) are invalid: sums and differences of stamps must not overflow.
+const FARTHEST_NS: u64 = 1 << 61;
 /// Fewer rows in which both move say nothing of whether the robot follows.
 const FEWEST_MOVING: u64 = 100;
 /// Most columns of interventions.
@@ -82,7 +82,7 @@ pub struct RecorderCounts {
 /// Makes batches from states.
 ///
 /// Row `k` of all batches lies at `k * dt` of sensor time. A row is written once every message that matters to it
-/// must have arrived: when the newest stamp is `max_gap` and 0.5 s later. So the batches depend on the messages
+/// must have arrived: when the newest stamp is `max_gap` (at least 0.5 s) and 0.5 s later. So the batches depend on the messages
 /// alone. A batch begins with the first row in which the robot and a selected person are there; where nobody is to be
 /// recorded, with the first that has the robot or a signal, and the arrival of signals counts as a stamp.
 #[derive(Debug)]
@@ -249,7 +249,10 @@ impl Recorder {
                 *newest = (*newest).max(Some(sample.stamp_ns));
             }
             recorder.insert(*sample);
-            recorder.advance(false);
+            // What a journal begins with is there before its first row is made.
+            if recorder.newest() >= Some(header.next_row_ns) {
+                recorder.advance(false);
+            }
         }
         recorder.advance(true);
         recorder.close(EndedBy::Recovery);
@@ -316,9 +319,9 @@ impl Recorder {
         let stamp =
             reported.stamp.filter(|stamp| stamp.is_finite()).map_or(now, Time::from_secs_f64).as_nanos();
         for (name, value) in reported.context {
-            if !self.context.contains_key(&name) && self.context.len() >= MOST_CONTEXT {
-                return Err(format!("more than {MOST_CONTEXT} columns of context"));
-            }
+            ensure(self.context.contains_key(&name) || self.context.len() < MOST_CONTEXT, || {
+                format!("more than {MOST_CONTEXT} columns of context")
+            })?;
             let changes = self.context.entry(name).or_default();
             if changes.back().is_none_or(|(last, before)| *last <= stamp && *before != value) {
                 changes.push_back((stamp, value));
@@ -479,7 +482,7 @@ impl Recorder {
             }
             return;
         };
-        let end = if all { newest } else { newest - self.max_gap_ns - nanos(LATENESS_S) };
+        let end = if all { newest } else { newest - self.max_gap_ns.max(AHEAD_NS) - nanos(LATENESS_S) };
         while row <= end {
             self.record(row);
             row = row.saturating_add(self.dt_ns);
@@ -550,15 +553,19 @@ impl Recorder {
         let Some(log) = &mut self.log else { return };
         log.begin(header);
         let people = self.people.iter().map(|(id, track)| (Subject::Person(*id), track));
+        let mut samples: Vec<Sample> = Vec::new();
         for (of, track) in std::iter::once((Subject::Robot, &self.robot)).chain(people) {
-            let samples = track.samples().map(|&(stamp_ns, values)| Sample { of, stamp_ns, values });
-            samples.for_each(|sample| log.sample(sample));
+            samples.extend(track.remembered().map(|(stamp_ns, values)| Sample { of, stamp_ns, values }));
         }
         for (number, track) in (0..).zip(&self.signals) {
             let of = Subject::Signal(number);
             let sample = |&(stamp_ns, x)| Sample { of, stamp_ns, values: Values { x, ..Values::UNKNOWN } };
-            track.values().map(sample).for_each(|sample| log.sample(sample));
+            samples.extend(track.values().map(sample));
         }
+        // In order of time: else rows are made before all samples are there.
+        samples.sort_by_key(|sample| sample.stamp_ns);
+        samples.into_iter().for_each(|sample| log.sample(sample));
+        log.begun();
     }
 
     fn forget_before(&mut self, row: i64) {

@@ -32,7 +32,7 @@ use self::{
     dialect::{Layout, Separator},
 };
 use super::header;
-use crate::{Error, Result, memory::Memory};
+use crate::{Error, Result, ensure, memory::Memory};
 
 pub use derived::Derived;
 pub use split::is_id;
@@ -299,9 +299,9 @@ impl Table {
             return binary::table(columns?, reading);
         }
         let (text, encoding) = dialect::text_of(bytes).map_err(Complaint::File)?;
-        if text.iter().all(u8::is_ascii_whitespace) {
-            return Err(Complaint::from("the file is empty; a header line and rows of numbers are needed"));
-        }
+        ensure(!text.iter().all(u8::is_ascii_whitespace), || {
+            Complaint::from("the file is empty; a header line and rows of numbers are needed")
+        })?;
         // The csv crate copies a line as a whole, and what stands between quotes.
         let copied = if text.contains(&b'"') { text.len() } else { longest_line(&text) };
         memory.check(text.len() as u64 + 2 * copied as u64)?;

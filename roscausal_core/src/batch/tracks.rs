@@ -17,10 +17,13 @@ const MOST: usize = 100_000;
 const INTERVALS: usize = 15;
 const TOGETHER: usize = 3;
 const ENOUGH: usize = INTERVALS + TOGETHER;
-/// Where a tracker tells places only, a row is made of those so many nanoseconds before it and after it. These are there when it is made.
+/// Where a tracker tells places only, a row uses those from 1 s before it to 0.5 s after it, which are there when it is made. Faster than
+/// this, m/s, nobody runs, give or take so many metres: what lies beyond such a leap is not used.
 const BEHIND_NS: i64 = 1_000_000_000;
-const AHEAD_NS: i64 = 500_000_000;
-/// Their noise, metres, is that of so many places, from so few on, at least this; before, what is usual.
+pub(super) const AHEAD_NS: i64 = 500_000_000;
+const RUNS: f64 = 10.0;
+const LEAP_M: f64 = 0.8;
+/// Their noise, metres, is measured on the last 66 of them, once there are 10, and is at least the third number; before, it is the last.
 const PLACES: usize = 66;
 const FEWEST_PLACES: usize = 10;
 const LEAST_NOISE_M: f64 = 0.002;
@@ -237,9 +240,10 @@ impl Track {
         self.samples.is_empty()
     }
 
-    /// The samples that rows may need, in order of time.
-    pub(super) fn samples(&self) -> impl Iterator<Item = &(i64, Values)> {
-        self.samples.iter()
+    /// All that rows depend on, in order of time; of what is past, stamp and place.
+    pub(super) fn remembered(&self) -> impl Iterator<Item = (i64, Values)> {
+        let past = self.past.iter().map(|&(stamp, [x, y])| (stamp, Values { x, y, ..Values::UNKNOWN }));
+        past.chain(self.samples.iter().copied())
     }
 
     /// The values at `t`: those of a sample at `t`, or interpolated between two samples at most `max_gap` apart.
@@ -254,19 +258,27 @@ impl Track {
         (t1 - t0 <= max_gap).then(|| before.towards(next, (t - t0) as f64 / (t1 - t0) as f64))
     }
 
-    /// Whether the tracker tells places only.
-    fn is_of_places(&self) -> bool {
-        self.smooths && self.samples.back().is_some_and(|(_, values)| values.omega.is_nan())
-    }
-
-    /// The values at a moment, where the tracker tells places only with the velocity, and the place, that those before it and until
-    /// `ahead_ns` after it give: all of one age.
-    fn walked(&self, moment: i64, values: Values, ahead_ns: i64) -> Values {
-        if !self.is_of_places() {
+    /// The values at a moment: place, heading and speed are smoothed over the places around it where the tracker tells places only, so that
+    /// all are of one age. Where places are rare, two before and one after it count, unless there is a gap.
+    fn walked(&self, moment: i64, values: Values, ahead_ns: i64, max_gap: i64) -> Values {
+        if !(self.smooths && values.omega.is_nan()) {
             return values;
         }
-        let start = self.samples.partition_point(|(stamp, _)| *stamp < moment - BEHIND_NS);
-        let near = self.samples.range(start..).take_while(|(stamp, _)| *stamp <= moment + ahead_ns);
+        let until = |end: i64| self.samples.partition_point(|(stamp, _)| *stamp <= end);
+        let leaps = |i: usize| {
+            let [(t0, a), (t1, b)] = [self.samples[i - 1], self.samples[i]];
+            libm::hypot(b.x - a.x, b.y - a.y) > LEAP_M + RUNS * (t1 - t0) as f64 / 1e9
+        };
+        let now = until(moment);
+        let second = now.saturating_sub(2).max(until(moment - max_gap.saturating_mul(2) - 1));
+        let start = until(moment - BEHIND_NS - 1).min(second);
+        let start = (start + 1..now).rev().find(|&i| leaps(i)).unwrap_or(start);
+        let end = match ahead_ns {
+            0 => now,
+            ahead => until(moment + ahead).max((now + 1).min(until(moment.saturating_add(max_gap)))),
+        };
+        let end = (now.max(1)..end).find(|&i| leaps(i)).unwrap_or(end);
+        let near = self.samples.range(start..end).filter(|(_, at)| at.x.is_finite() && at.y.is_finite());
         let places: Vec<(f64, [f64; 2])> =
             near.map(|(stamp, at)| ((stamp - moment) as f64 / 1e9, [at.x, at.y])).collect();
         let Some(walk) = Walk::at(&places, self.noise_m) else {
@@ -298,7 +310,7 @@ impl Track {
     pub(super) fn row(&self, t: i64, dt: i64, max_gap: i64, sampling: Sampling) -> Option<Values> {
         let held = |ahead_ns| {
             let [before, _] = self.around(t);
-            Some(self.walked(before?.0, self.at(t, max_gap, true)?, ahead_ns))
+            Some(self.walked(before?.0, self.at(t, max_gap, true)?, ahead_ns, max_gap))
         };
         if sampling == Sampling::Hold {
             return held(0);
@@ -310,7 +322,9 @@ impl Track {
         }
         let is_rare = self.steps(dt).is_none_or(|steps| steps > OFTEN);
         let ahead = self.spacing(t).map_or(0.0, |[_, ahead]| ahead / dt as f64);
-        on_line.filter(|_| is_rare || ahead <= FARTHEST_AHEAD).map(|values| self.walked(t, values, AHEAD_NS))
+        on_line
+            .filter(|_| is_rare || ahead <= FARTHEST_AHEAD)
+            .map(|values| self.walked(t, values, AHEAD_NS, max_gap))
     }
 
     /// Whether rows in steps of `dt` hold the newest sample.
@@ -344,7 +358,7 @@ impl Track {
         let mut intervals: Vec<i64> = stamps.windows(TOGETHER + 1).map(over).collect();
         intervals.sort_unstable();
         self.usual = intervals.get(intervals.len() / 3).copied();
-        if self.is_of_places() {
+        if self.smooths && self.samples.iter().any(|(_, at)| at.omega.is_nan()) {
             self.noise_m = noise(&last((self.past.len() + now).clamp(ENOUGH, PLACES)));
         }
     }
@@ -368,7 +382,8 @@ impl Track {
 
     /// Drops what no row at `t` or later needs. Returns whether any sample is left that such a row may need.
     pub(super) fn forget_before(&mut self, t: i64, max_gap: i64) -> bool {
-        let (reach, most) = if self.is_of_places() { (BEHIND_NS, PLACES) } else { (0, ENOUGH) };
+        let (reach, most) =
+            if self.smooths { (BEHIND_NS.saturating_add(max_gap), PLACES) } else { (0, ENOUGH) };
         while self.samples.get(1).is_some_and(|(second, _)| *second <= t.saturating_sub(reach)) {
             self.past.extend(self.samples.pop_front().map(|(stamp, at)| (stamp, [at.x, at.y])));
             if self.past.len() > most {
@@ -380,16 +395,20 @@ impl Track {
 }
 
 /// The noise of places along either axis, metres, standard deviation: from how far each lies beside the line between its neighbours. A
-/// place that is told twice says nothing of it.
+/// repeated place says nothing of it, nor does an axis that does not change.
 fn noise(places: &[(i64, [f64; 2])]) -> f64 {
+    let mut different = places.to_vec();
+    different.dedup_by_key(|(_, at)| *at);
     let beside = |run: &[(i64, [f64; 2])]| {
         let [(t0, p0), (t1, p1), (t2, p2)] = [run[0], run[1], run[2]];
         let share = (t1 - t0) as f64 / (t2 - t0) as f64;
         let spread = (1.0 + share * share + (1.0 - share) * (1.0 - share)).sqrt();
-        let off = [0, 1].map(|axis| (p1[axis] - p0[axis] - share * (p2[axis] - p0[axis])).abs() / spread);
-        if p0 == p1 || p1 == p2 { [f64::NAN; 2] } else { off }
+        [0, 1].map(|axis| {
+            let off = (p1[axis] - p0[axis] - share * (p2[axis] - p0[axis])).abs() / spread;
+            if p0[axis] == p1[axis] && p1[axis] == p2[axis] { f64::NAN } else { off }
+        })
     };
-    let middle = median(places.windows(3).flat_map(beside)).filter(|_| places.len() >= FEWEST_PLACES);
+    let middle = median(different.windows(3).flat_map(beside)).filter(|_| places.len() >= FEWEST_PLACES);
     // The middle of the absolute values of a normal distribution.
     middle.map_or(USUAL_NOISE_M, |middle| (middle / 0.6745).max(LEAST_NOISE_M))
 }
@@ -483,7 +502,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_of_places_is_measured_and_places_told_twice_do_not_hide_it() {
+    fn noise_of_places_is_measured_and_repeated_places_do_not_hide_it() {
         let mut random = 7_u64;
         let mut normal = move || {
             let share = || {
@@ -500,7 +519,8 @@ mod tests {
             assert!((found / noise_m - 1.0).abs() < 0.15, "{found} for {noise_m}");
             let twice: Vec<(i64, [f64; 2])> =
                 places.iter().flat_map(|&(stamp, at)| [(stamp, at), (stamp + 50_000_000, at)]).collect();
-            assert!(noise(&twice) >= LEAST_NOISE_M);
+            let found_twice = noise(&twice);
+            assert!((found_twice / noise_m - 1.0).abs() < 0.15, "{found_twice} for {noise_m}");
             assert_eq!(noise(&places[..5]), USUAL_NOISE_M, "too few");
         }
     }

@@ -68,7 +68,7 @@ pub mod labels {
     /// Before a topic: the longest time without messages of it.
     pub const SILENCE: &str = "most seconds without ";
     /// How often somebody was at once farther away than anybody runs.
-    pub const LEAPS: &str = "jumps farther than anybody runs (two people with one number)";
+    pub const LEAPS: &str = "jumps farther than anybody runs (perhaps two people with one number)";
     /// How often a clock jumped.
     pub const JUMPS: &str = "clock jumps";
     /// Messages that were left out, by the reason.

@@ -15,6 +15,7 @@ use super::{
 };
 use crate::{
     batch::expression::Expression,
+    ensure,
     middleware::{Raw, RawType},
     signal::Definitions,
     state::{
@@ -216,9 +217,9 @@ impl Bound {
         };
         let mut binder = Binder { schema: &schema, array: array.as_ref(), paths: Vec::new() };
         let columns = binder.columns(layout);
-        if columns.place[..2].contains(&None) {
-            return Err(format!("{} has no place '{}'", kind.type_name, layout.place.join("' or '")));
-        }
+        ensure(!columns.place[..2].contains(&None), || {
+            format!("{} has no place '{}'", kind.type_name, layout.place.join("' or '"))
+        })?;
         let rows = schema.rows(array.as_ref(), &binder.paths).map_err(|error| error.to_string())?;
         let (wire, frame) = (kind.wire, frame_of(&schema));
         let (is_one, keep, computed) = (layout.people.is_empty(), layout.keep, Vec::new());

@@ -10,6 +10,7 @@ use roscausal_msgs::dynamic::Path;
 
 use crate::{
     batch::expression::{Expression, Moment},
+    ensure,
     middleware::is_token,
 };
 
@@ -94,9 +95,9 @@ impl Tracker {
         }
         for (role, value) in given {
             let kind = if FIELDS.contains(&role) { &mut entries.fields } else { &mut entries.numbers };
-            if kind.iter().any(|(known, _)| *known == role) {
-                return Err(fault(&format!("{role} is there twice")));
-            }
+            ensure(kind.iter().all(|(known, _)| *known != role), || {
+                fault(&format!("{role} is there twice"))
+            })?;
             kind.push((role, value));
         }
         let has = |role: &str| entries.numbers.iter().any(|(known, _)| *known == role);
@@ -104,9 +105,9 @@ impl Tracker {
         if let Some((_, missing)) = pairs.into_iter().find(|(one, other)| has(one) && !has(other)) {
             return Err(fault(&format!("{missing} is missing")));
         }
-        if !has("x") || !topic.starts_with('/') || !topic.split('/').skip(1).all(is_token) {
-            return Err(fault("write /topic.list[*] -> id=FIELD, x=FIELD, y=FIELD (docs/people.md)"));
-        }
+        ensure(has("x") && topic.starts_with('/') && topic.split('/').skip(1).all(is_token), || {
+            fault("write /topic.list[*] -> id=FIELD, x=FIELD, y=FIELD (docs/people.md)")
+        })?;
         for (_, value) in &entries.numbers {
             Expression::names_in(value).map_err(|reason| fault(&reason))?;
         }

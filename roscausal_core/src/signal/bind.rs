@@ -134,11 +134,11 @@ impl Binder<'_> {
             }
             Err(error) => return Err(self.reported(path, &error)),
         };
-        if query.is_list() {
-            return Err(format!(
+        ensure(!query.is_list(), || {
+            format!(
                 "{whole} has several numbers; take one ([0]), or mean(), min(), max(), sum(), norm() or count() of them"
-            ));
-        }
+            )
+        })?;
         Ok(Part::One(query))
     }
 

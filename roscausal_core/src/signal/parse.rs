@@ -106,18 +106,21 @@ impl Signal {
     pub fn parse(text: &str, max_age: f64, param: &str) -> Result<Self> {
         let fault = |reason: String| Error::param(param, reason);
         let length = text.len();
-        if length > LONGEST {
-            return Err(fault(format!("a signal of {length} characters is too long; allowed: {LONGEST}")));
-        }
+        ensure(length <= LONGEST, || {
+            fault(format!("a signal of {length} characters is too long; allowed: {LONGEST}"))
+        })?;
         let Some((name, expression)) = text.split_once('=') else {
             return Err(fault(format!("'{text}' has no '='; write name = expression, such as '{EXAMPLE}'")));
         };
         let name = name.trim();
-        if !is_token(name) || ["time", "t", "timestamp"].contains(&name) || name.starts_with("do_") {
-            return Err(fault(format!(
-                "'{name}' is not a valid signal name; use letters, digits and '_', such as '{EXAMPLE}'"
-            )));
-        }
+        ensure(
+            is_token(name) && !["time", "t", "timestamp"].contains(&name) && !name.starts_with("do_"),
+            || {
+                fault(format!(
+                    "'{name}' is not a valid signal name; use letters, digits and '_', such as '{EXAMPLE}'"
+                ))
+            },
+        )?;
         let expression = expression.trim();
         let mut parser = Fields { topic: None, memories: 0, only: None };
         let parsed = parser.whole(&mut Scanner::new(expression), max_age);
@@ -139,9 +142,9 @@ impl Signal {
         let signals: Vec<Self> =
             texts.iter().map(|text| Self::parse(text, max_age, param)).collect::<Result<_>>()?;
         for (place, signal) in signals.iter().enumerate() {
-            if signals[..place].iter().any(|other| other.name == signal.name) {
-                return Err(Error::param(param, format!("'{}' is defined twice", signal.name)));
-            }
+            ensure(signals[..place].iter().all(|other| other.name != signal.name), || {
+                Error::param(param, format!("'{}' is defined twice", signal.name))
+            })?;
         }
         Ok(signals)
     }

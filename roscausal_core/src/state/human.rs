@@ -306,7 +306,12 @@ impl PeopleTracker {
             self.late += 1;
             return;
         }
-        let twist = sighting.twist.unwrap_or_else(|| {
+        let told = sighting.twist.map(|mut twist| {
+            // A NaN would say that the velocity is not told either.
+            twist.angular.z = if twist.angular.z.is_nan() { 0.0 } else { twist.angular.z };
+            twist
+        });
+        let twist = told.unwrap_or_else(|| {
             let twist = self.velocity(id, stamp, [pose2d.x, pose2d.y]);
             if speed(&twist) > SLOWEST_HEADING {
                 pose2d.theta = libm::atan2(twist.linear.y, twist.linear.x);
@@ -323,8 +328,8 @@ impl PeopleTracker {
         }
     }
 
-    /// How fast somebody is whose tracker does not tell. One sighting does not tell it either. Where noise is filtered, the turning rate stays
-    /// unknown: that says to whom records rows that the velocity is the filter's.
+    /// How fast somebody is whose tracker does not tell. One sighting does not tell it either. Where noise is filtered, the turning rate is
+    /// NaN, which marks the velocity as filtered for the recorder.
     fn velocity(&mut self, id: u32, stamp: Time, place: [f64; 2]) -> Twist {
         let known = self.people.contains_key(&id);
         let velocity = match self.motions.get_mut(&id).filter(|_| known) {

@@ -132,7 +132,8 @@ impl Identities {
         let ids: Vec<u32> = people.iter().map(id).collect();
         let places: Vec<Point> = people.iter().map(|(_, place)| *place).collect();
         let has_leapt = |(id, place): (&u32, &Point)| {
-            let Some((seen, at)) = self.lost.last.get(id) else { return false };
+            let known = self.lost.person.get(id).and_then(|person| self.lost.last.get(person));
+            let Some((seen, at)) = known else { return false };
             let distance = libm::hypot(place.x - at.x, place.y - at.y);
             distance > self.lost.gate_m + RUNS * stamp.secs_since(*seen).abs()
         };

@@ -2,7 +2,7 @@
 //!
 //! The difference of two places divides their noise by the step: with 5 cm and 10 Hz it is off by 0.7 m/s. The filter knows
 //! how noisy places are and how fast people change their velocity (Bar-Shalom, Li, Kirubarajan: Estimation with Applications to
-//! Tracking and Navigation, 2001, section 6.2: white noise acceleration). What it says lags behind what is: by 0.3 s there.
+//! Tracking and Navigation, 2001, section 6.2: white noise acceleration). Its velocity is late: by 0.3 s there.
 //! So [`Motion`] is for what is to be known at once, and [`Walk`], which also knows the places after, for what is recorded.
 //!
 //! Steps of the filter:
@@ -11,7 +11,7 @@
 //! 3. Correct: place and velocity move towards the new place, the more the less certain they were.
 //!
 //! A walk: one filter comes from the past and one, backwards, from the future; where they meet, each counts as much as it is certain
-//! (Fraser and Potter 1969: The optimum linear smoother as a combination of two optimum linear filters). So what it says does not lag. The
+//! (Fraser and Potter 1969: The optimum linear smoother as a combination of two optimum linear filters). So its velocity is not late. The
 //! noise of places alone makes speed of somebody who stands; its mean square is taken off.
 //!
 //! Why not a library: it is two by two, and a filter crate brings matrices on the heap for each person and step.
@@ -35,7 +35,7 @@ struct Belief {
     at: f64,
     /// Place and velocity (rows) along x and y (columns).
     state: Matrix2<f64>,
-    /// How far off place and velocity may be along either axis: variances, and what they share.
+    /// Uncertainty of place and velocity along either axis: variances and covariance.
     off: Matrix2<f64>,
     /// The part of it that is noise of places.
     noise: Matrix2<f64>,
@@ -92,7 +92,7 @@ pub(crate) struct Walk {
 
 impl Walk {
     /// At time 0 of `places`, in order (seconds before and after it, metres), that are off by `noise_m` (standard deviation); `None` where
-    /// they do not tell the velocity.
+    /// they do not determine the velocity.
     pub(crate) fn at(places: &[(f64, [f64; 2])], noise_m: f64) -> Option<Self> {
         let (before, after) = places.split_at(places.partition_point(|(at, _)| *at <= 0.0));
         let variance = noise_m * noise_m;
@@ -114,7 +114,8 @@ impl Walk {
     /// The speed, metres per second.
     pub(crate) fn speed(&self) -> f64 {
         let [x, y] = self.velocity;
-        (x * x + y * y - 2.0 * self.noise).max(0.0).sqrt()
+        let square = x * x + y * y - 2.0 * self.noise;
+        if square < 0.0 { 0.0 } else { square.sqrt() }
     }
 }
 
@@ -208,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_walk_is_told_without_delay_and_who_stands_stands() {
+    fn a_walk_has_no_delay_and_a_standing_person_no_speed() {
         // The speed swings in six seconds.
         let place = |t: f64| [1.2 * t - 0.3 * t.cos(), 0.5 * t];
         let speed = |t: f64| libm::hypot(1.2 + 0.3 * t.sin(), 0.5);

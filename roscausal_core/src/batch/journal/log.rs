@@ -53,10 +53,12 @@ impl Log {
             return;
         }
         let row = |stamp_ns: i64| stamp_ns.div_euclid(self.dt_ns);
+        // Of a tracker that tells places only, each of them counts.
+        let of_places = matches!(sample.of, Subject::Person(_)) && sample.values.omega.is_nan();
         let noted = match self.newest.get(&sample.of) {
             // Late: its effect is hard to predict, so it is kept.
             Some((newest, _)) if sample.stamp_ns <= newest.stamp_ns => return self.note(sample),
-            Some((newest, _)) if row(newest.stamp_ns) == row(sample.stamp_ns) => false,
+            Some((newest, _)) if !of_places && row(newest.stamp_ns) == row(sample.stamp_ns) => false,
             Some((newest, false)) => {
                 self.note(*newest);
                 true
@@ -67,6 +69,11 @@ impl Log {
             self.note(sample);
         }
         self.newest.insert(sample.of, (sample, noted));
+    }
+
+    /// What a journal begins with is no growth of it.
+    pub(in crate::batch) fn begun(&mut self) {
+        self.noted = 0;
     }
 
     /// Ends the open journal, whose batch is complete, and returns its number.

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use crate::ensure;
 use csv::ByteRecord;
 use roscausal_discovery::names;
 
@@ -87,9 +88,9 @@ pub(super) fn check_names(names: &[String], at: &str) -> Result<(), String> {
     let mut places = HashMap::new();
     for (column, name) in names.iter().enumerate() {
         let at_an_end = column == 0 || column + 1 == names.len();
-        if name.trim().is_empty() && !(at_an_end && names.len() > 2) {
-            return Err(format!("{at}, column {}: the name is empty; name every column", column + 1));
-        }
+        ensure(!name.trim().is_empty() || (at_an_end && names.len() > 2), || {
+            format!("{at}, column {}: the name is empty; name every column", column + 1)
+        })?;
         if let Some(earlier) = places.insert(name, column).filter(|_| !name.is_empty()) {
             let (first, second) = (earlier + 1, column + 1);
             return Err(format!(
@@ -152,9 +153,7 @@ pub(super) fn chosen(
             }
         }
     }
-    if columns.is_empty() {
-        return Err(format!("no column is left; columns: {}", header.join(", ")));
-    }
+    ensure(!columns.is_empty(), || format!("no column is left; columns: {}", header.join(", ")))?;
     Ok(columns)
 }
 

@@ -7,6 +7,7 @@ use super::Table;
 use crate::{
     Error, Result,
     batch::expression::{Expression, Moment},
+    ensure,
 };
 
 /// The definition of a variable: its name, and an expression over columns and earlier variables.
@@ -32,9 +33,9 @@ impl Derived {
         };
         let (name, text) = (name.trim().to_owned(), text.trim().to_owned());
         let legal = |c: char| c.is_alphanumeric() || "_-.{}\\".contains(c);
-        if name.is_empty() || !name.chars().all(legal) {
-            return Err(fault(format!("'{name}' is not a valid variable name; use letters, digits and '_'")));
-        }
+        ensure(!name.is_empty() && name.chars().all(legal), || {
+            fault(format!("'{name}' is not a valid variable name; use letters, digits and '_'"))
+        })?;
         let used = Expression::names_in(&text).map_err(|reason| fault(format!("{name} = {reason}")))?;
         Ok(Self { name, text, used })
     }

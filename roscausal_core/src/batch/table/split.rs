@@ -8,6 +8,8 @@
 //! 2   0.1   2.4
 //! ```
 
+use std::collections::BTreeMap;
+
 use ndarray::Axis;
 use roscausal_discovery::{Named, names};
 
@@ -55,11 +57,13 @@ impl Table {
             ));
         }
         let mut rows: Vec<(f64, Vec<usize>)> = Vec::new();
+        let mut places: BTreeMap<u64, usize> = BTreeMap::new();
         for (row, key) in keys.into_iter().enumerate() {
-            match rows.iter_mut().rev().find(|(other, _)| *other == key) {
-                Some((_, of_key)) => of_key.push(row),
-                None => rows.push((key, vec![row])),
+            let at = *places.entry((key + 0.0).to_bits()).or_insert(rows.len());
+            if at == rows.len() {
+                rows.push((key, Vec::new()));
             }
+            rows[at].1.push(row);
         }
         let kept: Vec<usize> = (0..self.names.len()).filter(|other| Some(*other) != place).collect();
         let part = |(key, rows): (f64, Vec<usize>)| {

@@ -4,6 +4,7 @@
 //! 2. With a step asked for, each recording is resampled to it.
 //! 3. Otherwise the steps must be even: at most one in ten may be off by more than a quarter. What they vary by is told.
 
+use crate::ensure;
 use ndarray::{Array2, Axis, s};
 use roscausal_discovery::Named;
 
@@ -271,9 +272,9 @@ fn resampled(
 /// The times `first + k dt` up to `last`, which are `most` at the most.
 pub(super) fn evenly(first: f64, last: f64, dt: f64, most: f64) -> Result<Vec<f64>, String> {
     let count = ((last - first) / dt * (1.0 + 1e-12) + 1e-6).floor() + 1.0;
-    if !(dt > 0.0 && count <= most) {
-        return Err(format!("{} {dt} would give {count} rows; give a longer step", Named("dt")));
-    }
+    ensure(dt > 0.0 && count <= most, || {
+        format!("{} {dt} would give {count} rows; give a longer step", Named("dt"))
+    })?;
     Ok((0..count as usize).map(|row| first + row as f64 * dt).collect())
 }
 

@@ -269,8 +269,10 @@ fn raw(
             }
         }
         Layout::Wide(_, bodies) => {
-            let different: BTreeSet<u64> = times.iter().map(|time| time.to_bits()).collect();
-            if 2 * different.len() < times.len() {
+            let known = times.iter().filter(|time| time.is_finite());
+            let different: BTreeSet<u64> = known.clone().map(|time| time.to_bits()).collect();
+            let used = 1 + 2 * bodies.values().map(Vec::len).sum::<usize>();
+            if 2 * different.len() < known.count() && grid.columns.len() > used {
                 let names: Vec<&str> = grid.columns.iter().map(|(name, _)| name.as_str()).collect();
                 return Err(format!(
                     "rows of one time are of several agents, but {}",

@@ -21,7 +21,7 @@ use super::{
     postprocess::{Obstacle, Postprocess},
     table::{Note, median},
 };
-use crate::{Error, Result, Time};
+use crate::{Error, Result, Time, ensure};
 
 pub use agents::{Agent, Agents};
 pub use sample::PositionUnit;
@@ -220,9 +220,9 @@ impl<'a> Scene<'a> {
         };
         let usual = agents.usual_step;
         let dt = choice.dt.unwrap_or_else(|| rounded(usual.max(USUAL_STEP)));
-        if !(dt.is_finite() && dt > 0.0) {
-            return Err(Error::param("dt", format!("{dt} is not a number of seconds above 0")));
-        }
+        ensure(dt.is_finite() && dt > 0.0, || {
+            Error::param("dt", format!("{dt} is not a number of seconds above 0"))
+        })?;
         if let Some(gap) = choice.max_gap.filter(|gap| gap.is_nan() || *gap <= 0.0) {
             return Err(Error::param("max-gap", format!("{gap} is not a number of seconds above 0")));
         }

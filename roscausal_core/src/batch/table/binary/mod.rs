@@ -16,7 +16,7 @@ use super::{
     columns::{is_index, one, read, time_column},
     time,
 };
-use crate::memory::Memory;
+use crate::{ensure, memory::Memory};
 use roscausal_discovery::Named;
 
 /// The index that pandas writes into a file.
@@ -65,9 +65,7 @@ pub(super) fn columns(bytes: &[u8], memory: Memory) -> Option<Parsed<Vec<(String
 /// The table of these columns.
 pub(in crate::batch::table) fn table(columns: Vec<(String, Column)>, reading: &Reading) -> Parsed<Table> {
     super::columns::check_count(columns.len())?;
-    if columns.is_empty() {
-        return Err(Complaint::from("it has no columns; columns of variables are needed"));
-    }
+    ensure(!columns.is_empty(), || Complaint::from("it has no columns; columns of variables are needed"))?;
     let header: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
     super::columns::check_names(&header, "names").map_err(Complaint::File)?;
     let time = time_place(&columns, &header, reading)?;
@@ -78,16 +76,14 @@ pub(in crate::batch::table) fn table(columns: Vec<(String, Column)>, reading: &R
         let index = header[column] == PANDAS_INDEX || is_index(&header[column]);
         named || (Some(column) != place && !index)
     });
-    if wanted.is_empty() {
-        return Err(Complaint::from("it has no columns besides the times; columns of variables are needed"));
-    }
+    ensure(!wanted.is_empty(), || {
+        Complaint::from("it has no columns besides the times; columns of variables are needed")
+    })?;
     let mut reported = Vec::new();
     let numbers = wanted.iter().map(|&column| as_numbers(&columns[column], reading, &mut reported));
     let numbers = numbers.collect::<Parsed<Vec<_>>>()?;
     let rows = numbers.first().map_or(0, Vec::len);
-    if rows == 0 {
-        return Err(Complaint::from("it has no rows; rows of numbers are needed"));
-    }
+    ensure(rows != 0, || Complaint::from("it has no rows; rows of numbers are needed"))?;
     let values = super::column_by_column(numbers, rows)?;
     let is_made_up = |name: &String| name.strip_prefix("x_").is_some_and(|n| n.parse::<usize>().is_ok());
     super::check_stands(header.iter().all(is_made_up), values.dim())?;

@@ -12,7 +12,7 @@ use super::{
     super::{columns::check_count, time},
     Column,
 };
-use crate::memory::Memory;
+use crate::{ensure, memory::Memory};
 
 /// A longer header is none, bytes; NumPy itself reads 10 000.
 const LONGEST_HEADER: usize = 1 << 20;
@@ -127,9 +127,7 @@ fn array(bytes: &[u8], memory: Memory) -> Result<Array, String> {
         [2 | 3, _, a, b, c, d, ..] => (u32::from_le_bytes([*a, *b, *c, *d]) as usize, 6),
         _ => return Err(short()),
     };
-    if length > LONGEST_HEADER {
-        return Err(format!("the header of the NumPy file claims {length} bytes"));
-    }
+    ensure(length <= LONGEST_HEADER, || format!("the header of the NumPy file claims {length} bytes"))?;
     let header = rest.get(start..start + length).ok_or_else(short)?;
     let header = std::str::from_utf8(header).map_err(|_| "the header of the NumPy file is not text")?;
     let values = rest.get(start + length..).ok_or_else(short)?;
@@ -287,9 +285,7 @@ fn described(header: &str) -> Result<Layout, String> {
         let list = list.split("'fortran_order'").next().unwrap_or_default();
         let words: Vec<&str> = list.split('\'').skip(1).step_by(2).collect();
         let fields = words.as_chunks::<2>().0;
-        if fields.is_empty() || list.matches('(').count() != fields.len() {
-            return Err(fault());
-        }
+        ensure(!fields.is_empty() && list.matches('(').count() == fields.len(), fault)?;
         let field = |[name, kind]: &[&str; 2]| Ok(((*name).to_owned(), Kind::parse(kind)?));
         fields.iter().map(field).collect::<Result<_, String>>()?
     } else {
