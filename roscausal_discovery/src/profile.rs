@@ -174,18 +174,17 @@ impl DataProfile {
         let memory = self.variables.iter().filter(|v| v.distinct > 1);
         let memory =
             memory.map(|v| (rows - v.missing) as f64 / v.effective_samples.max(1.0)).fold(1.0, f64::max);
-        self.later = Later::of(data, tau_max, memory);
+        let mut later = Later::of(data, tau_max, memory);
         // Two that drift depend at any lag; what their changes show, too, is more than that.
         let drift = |one: &Later| self.both_drift([&one.cause, &one.effect]);
-        if self.later.iter().any(drift) {
+        if later.iter().any(drift) {
             let seen = changes(data).map_or_else(Vec::new, |data| Later::of(&data, tau_max, memory));
-            let pair = |one: &Later| (one.cause.clone(), one.effect.clone());
-            let is_more = |one: &Later| !drift(one) || seen.iter().any(|of| pair(of) == pair(one));
-            let mut later: Vec<Later> = self.later.iter().filter(|one| is_more(one)).cloned().collect();
+            let is = |a: &Later, b: &Later| a.cause == b.cause && a.effect == b.effect;
+            later.retain(|one| !drift(one) || seen.iter().any(|of| is(of, one)));
             let advised = later.iter().map(|one| one.lag + 1).max().unwrap_or(0);
             later.iter_mut().for_each(|one| one.tau_max = advised);
-            self.later = later;
         }
+        self.later = later;
         self.unsteady = Unsteady::of(data, tau_max);
         let reported = [Later::reported(&self.later, dt), Unsteady::reported(&self.unsteady, dt)];
         self.remarks.splice(0..0, reported.into_iter().flatten());

@@ -306,12 +306,10 @@ impl PeopleTracker {
             self.late += 1;
             return;
         }
-        let told = sighting.twist.map(|mut twist| {
-            // A NaN would say that the velocity is not told either.
-            twist.angular.z = if twist.angular.z.is_nan() { 0.0 } else { twist.angular.z };
-            twist
-        });
-        let twist = told.unwrap_or_else(|| {
+        let mut twist = sighting.twist;
+        // A NaN would say that the velocity is not known either.
+        twist.iter_mut().filter(|twist| twist.angular.z.is_nan()).for_each(|twist| twist.angular.z = 0.0);
+        let twist = twist.unwrap_or_else(|| {
             let twist = self.velocity(id, stamp, [pose2d.x, pose2d.y]);
             if speed(&twist) > SLOWEST_HEADING {
                 pose2d.theta = libm::atan2(twist.linear.y, twist.linear.x);

@@ -72,12 +72,12 @@ impl TfBuffer {
         }
         let (source_root, from_source) = self.to_root(source, stamp)?;
         let (target_root, from_target) = self.to_root(target, stamp)?;
-        ensure(source_root == target_root, || {
-            format!(
+        if source_root != target_root {
+            return Err(format!(
                 "frames '{source}' and '{target}' are not connected (roots '{source_root}' and '{target_root}'); check \
                  /tf and /tf_static"
-            )
-        })?;
+            ));
+        }
         Ok(from_target.inverse() * from_source)
     }
 

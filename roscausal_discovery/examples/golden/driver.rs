@@ -388,11 +388,10 @@ fn data_of(dir: &Path, case: &Value, mask_type: MaskType) -> Answer<DataFrame> {
     let tables: Vec<_> = paths(&case["csv"]).iter().map(|p| read_csv(&dir.join(p))).collect::<Answer<_>>()?;
     let names = tables.first().ok_or("no data file")?.0.clone();
     let masks: Vec<_> = paths(&case["mask"]).iter().map(|p| read_csv(&dir.join(p))).collect::<Answer<_>>()?;
-    let mut data =
-        DataFrame::new(tables.into_iter().map(|t| t.1).collect(), names).map_err(|e| e.to_string())?;
-    if let Some(flag) = case["missing_flag"].as_f64() {
-        data = data.with_missing_flag(flag);
-    }
+    let flag = case["missing_flag"].as_f64();
+    let seen = |value: f64| if Some(value) == flag { f64::NAN } else { value };
+    let tables = tables.into_iter().map(|(_, values)| values.mapv(seen)).collect();
+    let mut data = DataFrame::new(tables, names).map_err(|e| e.to_string())?;
     if !masks.is_empty() {
         let masks = masks.into_iter().map(|(_, table)| table.mapv(|v| v != 0.0)).collect();
         data = data.with_mask(masks, mask_type).map_err(|e| e.to_string())?;

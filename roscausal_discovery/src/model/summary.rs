@@ -416,10 +416,8 @@ impl<'a> Facts<'a> {
         let all: usize = model.outcome_counts().iter().map(|(_, count)| count).sum();
         let tested = model.count_of(Outcome::Tested);
         let is_later = model.about_data.as_ref().is_some_and(|profile| !profile.later.is_empty());
-        let lags = match model.tau_min == model.tau_max {
-            true => format!("lag {}", model.tau_max),
-            false => format!("lags {} to {}", model.tau_min, model.tau_max),
-        };
+        let (from, to) = (model.tau_min, model.tau_max);
+        let lags = if from == to { format!("lag {to}") } else { format!("lags {from} to {to}") };
         match tested {
             0 if all > 0 || model.status != Status::Complete => {
                 "No pair has a result, so nothing is known of any link.".to_owned()

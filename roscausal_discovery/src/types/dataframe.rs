@@ -53,9 +53,9 @@ impl std::str::FromStr for MaskType {
 /// use ndarray::array;
 /// use roscausal_discovery::DataFrame;
 ///
-/// let first = array![[0.1, 1.0], [0.2, -99.0], [0.4, 3.0]];
+/// let first = array![[0.1, 1.0], [0.2, f64::NAN], [0.4, 3.0]];
 /// let second = array![[0.3, 2.0], [0.5, 2.5]];
-/// let data = DataFrame::new(vec![first, second], vec!["speed".into(), "distance".into()])?.with_missing_flag(-99.0);
+/// let data = DataFrame::new(vec![first, second], vec!["speed".into(), "distance".into()])?;
 /// assert!(data.is_incomplete() && data.n_vars() == 2 && data.recordings().len() == 2);
 /// # Ok::<(), roscausal_discovery::Error>(())
 /// ```
@@ -186,15 +186,6 @@ impl DataFrame {
     /// The listed times of a recording; `None`: all.
     pub(crate) fn times(&self, recording: usize) -> Option<&[usize]> {
         self.times.as_ref().map(|times| times[recording].as_slice())
-    }
-
-    /// Treats every value that equals `flag` as missing. The further components of vectors keep theirs.
-    #[must_use]
-    pub fn with_missing_flag(mut self, flag: f64) -> Self {
-        let recordings = Arc::make_mut(&mut self.recordings);
-        recordings.iter_mut().for_each(|r| r.mapv_inplace(|v| if v == flag { f64::NAN } else { v }));
-        self.has_missing = self.recordings.iter().any(|r| r.iter().any(|v| v.is_nan()));
-        self
     }
 
     /// Adds masks, one per recording and of its shape (`true`: masked). A masked value excludes a sample in the

@@ -14,6 +14,7 @@ use ndarray::Axis;
 use roscausal_discovery::{Named, names};
 
 use super::{Table, out_of_order};
+use crate::ensure;
 
 /// Names of columns that say which recording a row is of, in lower case.
 const IDS: &str = "id subject participant person agent ped track unit run trial session episode recording sequence walk \
@@ -50,12 +51,8 @@ impl Table {
             }
         };
         let missing = keys.iter().filter(|key| key.is_nan()).count();
-        if missing > 0 {
-            let recording = Named("recording");
-            return Err(format!(
-                "column '{column}' has no value in {missing} rows; {recording} needs one in each row"
-            ));
-        }
+        let needs = || format!("{} needs one in each row", Named("recording"));
+        ensure(missing == 0, || format!("column '{column}' has no value in {missing} rows; {}", needs()))?;
         let mut rows: Vec<(f64, Vec<usize>)> = Vec::new();
         let mut places: BTreeMap<u64, usize> = BTreeMap::new();
         for (row, key) in keys.into_iter().enumerate() {
