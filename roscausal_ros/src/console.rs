@@ -1,25 +1,16 @@
 //! Log messages: to stderr in the format of ROS, and to `/rosout`, where `rqt_console` and recordings find them.
 
-use std::{
-    cell::Cell,
-    fmt::{Debug, Write as _},
-    io::Write as _,
-    sync::{Arc, Mutex},
-    time::SystemTime,
-};
+use std::fmt::{Debug, Write as _};
+use std::sync::{Arc, Mutex};
+use std::{cell::Cell, io::Write as _, time::SystemTime};
 
 pub use tracing_subscriber::filter::{LevelFilter, Targets};
 
 use roscausal_core::visible;
-use tracing::{
-    Event, Level, Subscriber,
-    field::{Field, Visit},
-};
-use tracing_subscriber::{
-    Layer,
-    layer::{Context, SubscriberExt},
-    util::SubscriberInitExt,
-};
+use tracing::field::{Field, Visit};
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::layer::{Context, SubscriberExt};
+use tracing_subscriber::{Layer, util::SubscriberInitExt};
 
 use crate::lock;
 
