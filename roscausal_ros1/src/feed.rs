@@ -1,12 +1,8 @@
 //! The state of subscriptions: who sends, how many messages were lost, and why none arrive.
 
-use std::{
-    sync::{
-        Arc,
-        atomic::{AtomicBool, AtomicU64, Ordering},
-    },
-    time::{Duration, Instant},
-};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 use roscausal_core::{Message, gate::Gate};
 

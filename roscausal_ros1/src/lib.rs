@@ -15,31 +15,23 @@ mod session;
 mod subscription;
 mod wire;
 
-use std::{
-    collections::BTreeMap,
-    sync::{Arc, Mutex, Weak, atomic::Ordering},
-    time::Duration,
-};
+use std::sync::{Arc, Mutex, Weak, atomic::Ordering};
+use std::{collections::BTreeMap, time::Duration};
 
-use roscausal_core::{
-    Error, Message, Result, Time,
-    inbox::Consumer,
-    middleware::{Answers, Middleware, On, Publish, Qos, Raw, is_graph_name},
-    params::{ParamSpec, Value},
-};
+use roscausal_core::middleware::{Answers, Middleware, On, Publish, Qos, Raw, is_graph_name};
+use roscausal_core::params::{ParamSpec, Value};
+use roscausal_core::{Error, Message, Result, Time, inbox::Consumer};
 use roscausal_msgs::{Service, rosgraph_msgs::Clock};
 use roscausal_ros::{Console, in_time, lock};
 
 pub use service::Server;
 pub use subscription::Subscription;
 
-use crate::{
-    feed::Feed,
-    master::{Master, Role},
-    session::{Session, reason},
-    subscription::{Handler, Listener},
-    wire::{ANY, AnyWire, Wire},
-};
+use crate::feed::Feed;
+use crate::master::{Master, Role};
+use crate::session::{Session, reason};
+use crate::subscription::{Handler, Listener};
+use crate::wire::{ANY, AnyWire, Wire};
 
 /// Time-out for calls of rosrust that a healthy master answers in milliseconds.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(3);

@@ -6,12 +6,9 @@
 //! option from the socket that accepted it: one look after a publisher is made serves all its later subscribers, and
 //! another each second serves those that were faster.
 
-use std::{
-    fs::{self, DirEntry},
-    io,
-    net::TcpStream,
-    os::fd::{BorrowedFd, OwnedFd, RawFd},
-};
+use std::fs::{self, DirEntry};
+use std::os::fd::{BorrowedFd, OwnedFd, RawFd};
+use std::{io, net::TcpStream};
 
 /// Sets `TCP_NODELAY` on every TCP socket of this process.
 pub(crate) fn send_at_once() {

@@ -3,11 +3,8 @@
 use std::time::Duration;
 
 use roscausal_core::Result;
-use roscausal_ros::{
-    Console,
-    console::{LevelFilter, Targets},
-    program::Backend,
-};
+use roscausal_ros::console::{LevelFilter, Targets};
+use roscausal_ros::{Console, program::Backend};
 
 use crate::Ros1;
 

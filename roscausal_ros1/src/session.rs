@@ -1,13 +1,8 @@
 //! A node's life on a master: joining, watching the master, leaving without a dead entry.
 
-use std::{
-    sync::{
-        Arc, Mutex, OnceLock, Weak,
-        mpsc::{self, Receiver, RecvTimeoutError, Sender},
-    },
-    thread,
-    time::Duration,
-};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, OnceLock, Weak};
+use std::{thread, time::Duration};
 
 use roscausal_core::{Error, Result, middleware::Publish};
 use roscausal_msgs::{rosgraph_msgs::Log, std_msgs::Header};
@@ -15,12 +10,9 @@ use roscausal_ros::{Clock, Life, console::Record, in_time, lock};
 use rosrust::api::{Ros, resolve};
 use tracing::Level;
 
-use crate::{
-    PATIENCE, Publisher, Subscription,
-    feed::{Feed, look_for_mismatches},
-    master::{Master, Membership},
-    nodelay,
-};
+use crate::feed::{Feed, look_for_mismatches};
+use crate::master::{Master, Membership};
+use crate::{PATIENCE, Publisher, Subscription, nodelay};
 
 /// Time between two checks of the master.
 const WATCH_PERIOD: Duration = Duration::from_secs(1);

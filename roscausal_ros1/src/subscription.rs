@@ -1,27 +1,16 @@
 //! Subscriptions: what arrives reaches the callbacks.
 
-use std::{
-    collections::HashMap,
-    panic::{AssertUnwindSafe, catch_unwind},
-    sync::{Arc, Mutex, Weak, atomic::Ordering},
-    thread,
-    time::Instant,
-};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, Weak, atomic::Ordering};
+use std::{collections::HashMap, thread, time::Instant};
 
-use roscausal_core::{
-    Message,
-    middleware::{Raw, RawType},
-};
+use roscausal_core::Message;
+use roscausal_core::middleware::{Raw, RawType};
 use roscausal_msgs::dynamic;
 use roscausal_ros::{in_time, lock};
 
-use crate::{
-    PATIENCE,
-    feed::Feed,
-    master::Membership,
-    pace::Pace,
-    wire::{AnyWire, Wire},
-};
+use crate::wire::{AnyWire, Wire};
+use crate::{PATIENCE, feed::Feed, master::Membership, pace::Pace};
 
 /// rosrust's side of a subscription.
 pub(crate) struct Handler<F> {

@@ -1,12 +1,8 @@
 //! A message on the ROS 1 wire: our types and our bounded codec behind rosrust's traits.
 
-use std::{
-    io::{self, Read, Write},
-    sync::{
-        Arc,
-        atomic::{AtomicUsize, Ordering},
-    },
-};
+use std::io::{self, Read, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use roscausal_msgs::{Message, ros1};
 

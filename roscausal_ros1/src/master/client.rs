@@ -1,10 +1,8 @@
 //! Calls to the ROS master, each with a deadline.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    thread,
-    time::{Duration, Instant},
-};
+use std::collections::{BTreeMap, BTreeSet};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use dxr::{TryFromValue, Value as Xml};
 use roscausal_core::{Error, Result, ensure, params::Value};

@@ -1,19 +1,13 @@
 //! The registrations of one node with its master, for as long as the node lives.
 
-use std::{
-    sync::{
-        Mutex,
-        atomic::{AtomicBool, AtomicU64, Ordering},
-    },
-    time::{Duration, Instant},
-};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 use roscausal_core::{Error, Result, ensure, gate::lock};
 
-use super::{
-    client::{Master, Role, Subscribers},
-    xmlrpc::CallError,
-};
+use super::client::{Master, Role, Subscribers};
+use super::xmlrpc::CallError;
 
 /// How long the master's list of subscribers is reused.
 const BELIEVED: Duration = Duration::from_secs(1);

@@ -1,19 +1,14 @@
 //! Asking a service.
 
-use std::{
-    io::{self, Write},
-    net::TcpStream,
-    thread,
-    time::{Duration, Instant},
-};
+use std::io::{self, Write};
+use std::time::{Duration, Instant};
+use std::{net::TcpStream, thread};
 
 use roscausal_core::{Error, Result};
 use roscausal_msgs::{Service, ros1};
 
-use super::{
-    address_of,
-    frame::{Timed, framed, header},
-};
+use super::address_of;
+use super::frame::{Timed, framed, header};
 use crate::session::Session;
 
 /// Time between two looks for a service that is not there yet.

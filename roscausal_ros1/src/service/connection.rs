@@ -1,20 +1,16 @@
 //! One client of a service, from its header to its last question.
 
-use std::{
-    io::{self, Write},
-    net::TcpStream,
-    sync::mpsc::{self, RecvTimeoutError},
-    time::{Duration, Instant},
-};
+use std::io::{self, Write};
+use std::net::TcpStream;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::{Duration, Instant};
 
 use roscausal_core::middleware::Reply;
 use roscausal_msgs::{Service, ros1};
 use roscausal_ros::lock;
 
-use super::{
-    Shared,
-    frame::{Timed, framed, header},
-};
+use super::Shared;
+use super::frame::{Timed, framed, header};
 
 /// How long a client may take to say what it began to say, and to take its answer.
 const PATIENCE: Duration = Duration::from_secs(10);

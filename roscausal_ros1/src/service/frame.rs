@@ -1,12 +1,9 @@
 //! The parts of a service connection: a header of `key=value` fields, and frames that begin with their length. Every
 //! read ends at a deadline and is bounded.
 
-use std::{
-    collections::BTreeMap,
-    io::{self, Read, Write},
-    net::TcpStream,
-    time::{Duration, Instant},
-};
+use std::io::{self, Read, Write};
+use std::time::{Duration, Instant};
+use std::{collections::BTreeMap, net::TcpStream};
 
 /// Longest header.
 const LONGEST_HEADER: usize = 1 << 16;

@@ -8,12 +8,9 @@ mod client;
 mod connection;
 mod frame;
 
-use std::{
-    net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs},
-    sync::{Arc, Mutex, Weak},
-    thread,
-    time::Duration,
-};
+use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
+use std::sync::{Arc, Mutex, Weak};
+use std::{thread, time::Duration};
 
 use roscausal_core::{Error, Result, gate::Gate, middleware::Reply};
 use roscausal_msgs::Service;
