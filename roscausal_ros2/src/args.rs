@@ -5,10 +5,8 @@ use std::collections::BTreeMap;
 use roscausal_core::params::{Value, nearest};
 use tracing::level_filters::LevelFilter;
 
-use crate::{
-    dds,
-    rcl::{BadArgument, Enclave, Names, Network, ParamFile, Remap},
-};
+use crate::dds;
+use crate::rcl::{BadArgument, Enclave, Names, Network, ParamFile, Remap};
 
 /// The arguments of a node, all checked.
 #[derive(Clone, Debug)]

@@ -1,9 +1,7 @@
 //! What the clones of a node share: its participant, its parameters and its clock.
 
-use std::sync::{
-    Arc, Mutex,
-    atomic::{AtomicBool, Ordering},
-};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 use ros2_client::parameters::raw::ParameterEvent;
 use roscausal_core::{Result, middleware::Qos, params::Value};
@@ -11,10 +9,8 @@ use roscausal_msgs::rosgraph_msgs;
 use roscausal_ros::{Clock, Life, lock};
 use tracing::error;
 
-use crate::{
-    dds::{Participant, Subscription, Writer},
-    rcl::{Parameters, USE_SIM_TIME},
-};
+use crate::dds::{Participant, Subscription, Writer};
+use crate::rcl::{Parameters, USE_SIM_TIME};
 
 /// What the clones of a node share.
 pub(crate) struct Inner {

@@ -1,31 +1,19 @@
 //! The node: its start, and the middleware trait.
 
-use std::{
-    sync::{
-        Arc, Mutex, OnceLock, Weak,
-        atomic::{AtomicBool, Ordering},
-    },
-    thread,
-    time::Duration,
-};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, Weak};
+use std::{thread, time::Duration};
 
-use roscausal_core::{
-    Message, Result, Time,
-    inbox::Consumer,
-    middleware::{Answers, Middleware, On, Qos, Raw},
-    params::{ParamSpec, Params, TakeParams, Value},
-};
+use roscausal_core::middleware::{Answers, Middleware, On, Qos, Raw};
+use roscausal_core::params::{ParamSpec, Params, TakeParams, Value};
+use roscausal_core::{Message, Result, Time, inbox::Consumer};
 use roscausal_msgs::Service;
 use roscausal_ros::{Clock, Life};
 use tracing::{debug, error};
 
-use crate::{
-    args::Args,
-    dds::{Participant, Publisher, Server, Subscription},
-    inner::Inner,
-    rcl::{Parameters, USE_SIM_TIME, ros2_name},
-    services,
-};
+use crate::dds::{Participant, Publisher, Server, Subscription};
+use crate::rcl::{Parameters, USE_SIM_TIME, ros2_name};
+use crate::{args::Args, inner::Inner, services};
 
 /// A node on a ROS 2 network. Cheap to clone; all clones are the same node. It leaves the graph when the last clone
 /// is dropped.

@@ -1,18 +1,12 @@
 //! The node as a program: its arguments, its log, its end.
 
-use std::{
-    os::unix::process::CommandExt,
-    process::{Command, exit},
-    thread,
-    time::Duration,
-};
+use std::process::{Command, exit};
+use std::{os::unix::process::CommandExt, thread, time::Duration};
 
 use roscausal_core::{Result, middleware::Middleware};
-use roscausal_ros::{
-    Console,
-    console::{LevelFilter, Targets},
-    program::{Backend, EXIT_FAILED},
-};
+use roscausal_ros::Console;
+use roscausal_ros::console::{LevelFilter, Targets};
+use roscausal_ros::program::{Backend, EXIT_FAILED};
 
 use crate::{Args, Ros2, node::HANGS};
 

@@ -1,9 +1,7 @@
 //! Log messages on `/rosout`.
 
-use std::{
-    collections::VecDeque,
-    sync::{Arc, Mutex, TryLockError},
-};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, TryLockError};
 
 use ros2_client::Log;
 use roscausal_core::Result;

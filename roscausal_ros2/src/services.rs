@@ -2,25 +2,19 @@
 
 use std::sync::Arc;
 
-use ros2_client::{
-    builtin_interfaces::Time,
-    parameters::raw,
-    rcl_interfaces::{
-        DescribeParametersRequest, DescribeParametersResponse, GetParameterTypesRequest,
-        GetParameterTypesResponse, GetParametersRequest, GetParametersResponse, ListParametersRequest,
-        ListParametersResponse, ListParametersResult, SetParametersAtomicallyResponse, SetParametersRequest,
-        SetParametersResponse,
-    },
+use ros2_client::rcl_interfaces::{
+    DescribeParametersRequest, DescribeParametersResponse, GetParameterTypesRequest,
+    GetParameterTypesResponse, GetParametersRequest, GetParametersResponse, ListParametersRequest,
+    ListParametersResponse, ListParametersResult, SetParametersAtomicallyResponse, SetParametersRequest,
+    SetParametersResponse,
 };
+use ros2_client::{builtin_interfaces::Time, parameters::raw};
 use roscausal_core::{Result, params::Value};
 use roscausal_ros::lock;
 use tracing::warn;
 
-use crate::{
-    dds::Content,
-    inner::Inner,
-    wire::{descriptor, from_wire, to_wire},
-};
+use crate::wire::{descriptor, from_wire, to_wire};
+use crate::{dds::Content, inner::Inner};
 
 /// Offers the parameter services of a node.
 ///

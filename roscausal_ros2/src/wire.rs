@@ -1,10 +1,7 @@
 //! Parameters as the messages of `rcl_interfaces`.
 
-use ros2_client::{
-    ParameterValue as Wire,
-    parameters::{NumericRange, ParameterDescriptor, raw},
-    rcl_interfaces::SetParametersRequest,
-};
+use ros2_client::parameters::{NumericRange, ParameterDescriptor, raw};
+use ros2_client::{ParameterValue as Wire, rcl_interfaces::SetParametersRequest};
 use roscausal_core::params::{Allowed, ParamSpec, Value};
 
 /// Type, description and range of a parameter; "not set" for an unknown one.

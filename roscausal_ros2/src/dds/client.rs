@@ -1,20 +1,15 @@
 //! Asking services of other nodes.
 
-use std::{
-    any::{Any, TypeId},
-    sync::Arc,
-    thread,
-    time::{Duration, Instant},
-};
+use std::any::{Any, TypeId};
+use std::time::{Duration, Instant};
+use std::{sync::Arc, thread};
 
 use ros2_client::{Client, Name, ServiceTypeName};
 use roscausal_core::{Error, Result, gate::lock};
 use roscausal_msgs::Service;
 
-use super::{
-    Participant,
-    service::{Carried, answers, mapping, requests},
-};
+use super::Participant;
+use super::service::{Carried, answers, mapping, requests};
 
 /// Time between two looks for a service, or for an answer.
 const LOOK_AGAIN: Duration = Duration::from_millis(1);

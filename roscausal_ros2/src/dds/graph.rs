@@ -1,9 +1,7 @@
 //! A node's view of the others: which endpoints match its publishers and subscriptions, and why others do not.
 
-use std::{
-    collections::{BTreeSet, HashMap, HashSet},
-    sync::{Mutex, MutexGuard, Weak},
-};
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::sync::{Mutex, MutexGuard, Weak};
 
 use futures::StreamExt;
 use ros2_client::{Context, Gid};

@@ -3,32 +3,20 @@
 //! A DDS reader has a type from the beginning, so the topic's first publisher is waited for: the type is the one that it
 //! announces. Definitions do not travel with the messages; they come from `.msg` files (`msg_path`, `AMENT_PREFIX_PATH`).
 
-use std::{
-    convert::Infallible,
-    pin::pin,
-    sync::{Arc, Weak},
-    thread,
-    time::Duration,
-};
+use std::sync::{Arc, Weak};
+use std::{convert::Infallible, pin::pin, thread, time::Duration};
 
 use futures::StreamExt;
 use ros2_client::Gid;
-use roscausal_core::{
-    Error, Result,
-    gate::Gate,
-    middleware::{On, Raw, RawType},
-};
+use roscausal_core::middleware::{On, Raw, RawType};
+use roscausal_core::{Error, Result, gate::Gate};
 use roscausal_msgs::dynamic::Wire;
-use rustdds::{
-    QosPolicies, QosPolicyBuilder, RepresentationIdentifier, TopicKind,
-    no_key::{Decode, DefaultDecoder, DeserializerAdapter, SimpleDataReader},
-    policy::{Durability, History, Reliability},
-};
+use rustdds::no_key::{Decode, DefaultDecoder, DeserializerAdapter, SimpleDataReader};
+use rustdds::policy::{Durability, History, Reliability};
+use rustdds::{QosPolicies, QosPolicyBuilder, RepresentationIdentifier, TopicKind};
 
-use super::{
-    Participant,
-    subscription::{Senders, Subscription},
-};
+use super::Participant;
+use super::subscription::{Senders, Subscription};
 
 /// Time between two looks for a publisher.
 const LOOK_EVERY: Duration = Duration::from_millis(200);

@@ -1,13 +1,11 @@
 //! A node's participant on a DDS domain.
 
-use std::{
-    any::{Any, TypeId},
-    collections::{HashMap, HashSet},
-    net::{IpAddr, Ipv4Addr},
-    sync::{Arc, Mutex, Weak},
-    thread,
-    time::{Duration, Instant},
-};
+use std::any::{Any, TypeId};
+use std::collections::{HashMap, HashSet};
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::{Arc, Mutex, Weak};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use ros2_client::{
     Context, MessageTypeName, Name, NodeName, NodeOptions, entities_info::ParticipantEntitiesInfo,
@@ -15,13 +13,9 @@ use ros2_client::{
 use roscausal_core::{Error, Message, Result, gate::lock, middleware::Qos};
 use rustdds::{DomainParticipantBuilder, GUID, RTPSEntity, Topic};
 
-use super::{
-    farewell,
-    graph::{Graph, published_topics},
-    qos::{self, Side},
-    spinner::Spinner,
-    watchdog,
-};
+use super::graph::{Graph, published_topics};
+use super::qos::{self, Side};
+use super::{farewell, spinner::Spinner, watchdog};
 use crate::rcl::{Enclave, Names, Network};
 
 /// A node's participant. It leaves the domain when it is dropped, or when it is told to.

@@ -1,26 +1,16 @@
 //! Publishers, and what a latched publisher still has to send.
 
-use std::{
-    sync::{
-        Arc, Mutex,
-        atomic::{AtomicBool, AtomicU64, Ordering},
-    },
-    time::{Duration, Instant},
-};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
-use roscausal_core::{
-    Message, Result,
-    gate::lock,
-    middleware::{Publish, Qos},
-};
+use roscausal_core::middleware::{Publish, Qos};
+use roscausal_core::{Message, Result, gate::lock};
 use rustdds::{TopicDescription, no_key::SerializerAdapter, serialization::CDRSerializerAdapter};
 use tracing::warn;
 
-use super::{
-    Participant, Writer,
-    graph::Latched,
-    qos::{self, Side},
-};
+use super::qos::{self, Side};
+use super::{Participant, Writer, graph::Latched};
 
 /// After this time the library has reduced a history to what its readers have not acknowledged. It does so every 6
 /// s.

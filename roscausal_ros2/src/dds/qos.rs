@@ -1,14 +1,10 @@
 //! The quality of service of topics.
 
-use ros2_client::{
-    QosProfile,
-    qos::{Durability, History, WhenFull},
-};
+use ros2_client::QosProfile;
+use ros2_client::qos::{Durability, History, WhenFull};
 use roscausal_core::middleware::Qos;
-use rustdds::{
-    QosPolicies,
-    policy::{self, Reliability},
-};
+use rustdds::QosPolicies;
+use rustdds::policy::{self, Reliability};
 
 /// The two ends of a topic.
 #[derive(Clone, Copy, PartialEq, Eq)]

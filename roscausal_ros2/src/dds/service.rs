@@ -6,11 +6,9 @@ use futures::{
     FutureExt, StreamExt, channel::oneshot, future::AbortHandle, select, stream::FuturesUnordered,
 };
 use ros2_client::{Message as Carry, Name, QosProfile, ServiceMapping, ServiceTypeName, qos::History};
-use roscausal_core::{
-    Error, Result,
-    gate::{Gate, lock},
-    middleware::{Answers, Reply},
-};
+use roscausal_core::gate::{Gate, lock};
+use roscausal_core::middleware::{Answers, Reply};
+use roscausal_core::{Error, Result};
 use roscausal_msgs::{Message, Service};
 use serde::{Deserialize, Serialize};
 use tracing::warn;

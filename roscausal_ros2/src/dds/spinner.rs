@@ -1,25 +1,14 @@
 //! The one thread that reads everything that a node receives.
 
-use std::{
-    future::Future,
-    io,
-    panic::AssertUnwindSafe,
-    sync::{
-        Arc, Mutex,
-        atomic::{AtomicBool, Ordering},
-    },
-    thread::{self, JoinHandle},
-    time::{Duration, Instant},
-};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+use std::{future::Future, io, panic::AssertUnwindSafe};
 
-use futures::{
-    FutureExt, StreamExt,
-    channel::mpsc::{self, UnboundedReceiver, UnboundedSender},
-    executor::block_on,
-    future::{AbortHandle, Abortable, LocalBoxFuture, poll_fn},
-    select_biased,
-    stream::FuturesUnordered,
-};
+use futures::channel::mpsc::{self, UnboundedReceiver, UnboundedSender};
+use futures::future::{AbortHandle, Abortable, LocalBoxFuture, poll_fn};
+use futures::{FutureExt, StreamExt, executor::block_on, select_biased, stream::FuturesUnordered};
 use roscausal_core::gate::lock;
 
 /// Creates the future of a task on the spinner's thread, so the future itself need not be `Send`. Its output is the

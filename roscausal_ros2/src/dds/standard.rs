@@ -1,19 +1,13 @@
 //! The topics on which every ROS 2 node publishes: `/rosout`, `/parameter_events`, and its own name and endpoints.
 
-use ros2_client::{
-    Log, QosProfile,
-    builtin_topics::ros_discovery::{QOS_PUB, TOPIC_NAME, TYPE_NAME},
-    parameters::raw::ParameterEvent,
-    qos::{Durability, History, WhenFull},
-};
+use ros2_client::builtin_topics::ros_discovery::{QOS_PUB, TOPIC_NAME, TYPE_NAME};
+use ros2_client::qos::{Durability, History, WhenFull};
+use ros2_client::{Log, QosProfile, parameters::raw::ParameterEvent};
 use roscausal_core::{Result, gate::lock, middleware::Qos};
 use rustdds::TopicKind;
 
-use super::{
-    Participant, Writer,
-    participant::middleware,
-    qos::{self, Side},
-};
+use super::qos::{self, Side};
+use super::{Participant, Writer, participant::middleware};
 
 /// `/rosout` keeps at most this many messages for late joiners.
 const LOG_HISTORY: usize = 200;

@@ -1,10 +1,7 @@
 //! Subscriptions.
 
-use std::{
-    collections::HashMap,
-    pin::pin,
-    sync::{Arc, OnceLock, Weak},
-};
+use std::sync::{Arc, OnceLock, Weak};
+use std::{collections::HashMap, pin::pin};
 
 use futures::{StreamExt, future::AbortHandle};
 use ros2_client::{Gid, ReadError};
@@ -12,11 +9,9 @@ use roscausal_core::{Error, Message, Result, gate::Gate, middleware::Qos};
 use rustdds::{GUID, TopicDescription};
 use tracing::{error, warn};
 
-use super::{
-    Participant,
-    graph::{Graph, sent_type},
-    qos::{self, Side},
-};
+use super::Participant;
+use super::graph::{Graph, sent_type};
+use super::qos::{self, Side};
 
 /// A subscription. Dropping it ends it, and no callback runs afterwards.
 pub struct Subscription {

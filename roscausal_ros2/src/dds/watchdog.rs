@@ -6,11 +6,8 @@
 //! But if a third thread waits to add an endpoint of this node to the list, readers wait behind it, and none of the
 //! three can continue.
 
-use std::{
-    sync::mpsc::{self, RecvTimeoutError},
-    thread,
-    time::Duration,
-};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::{thread, time::Duration};
 
 /// Time between an answer and the next question.
 const PERIOD: Duration = Duration::from_secs(1);

@@ -1,9 +1,7 @@
 //! A node's name and namespace, and the remaps of the names that it uses.
 
-use roscausal_core::{
-    Error, Result, ensure,
-    middleware::{is_graph_name, is_token},
-};
+use roscausal_core::middleware::{is_graph_name, is_token};
+use roscausal_core::{Error, Result, ensure};
 
 use super::BadArgument;
 

@@ -1,9 +1,7 @@
 //! Parameters from files and from `-p`: values for the nodes whose names match a pattern.
 
-use std::{
-    collections::{BTreeMap, HashSet},
-    path::Path,
-};
+use std::collections::{BTreeMap, HashSet};
+use std::path::Path;
 
 use roscausal_core::{ensure, params::Value};
 use serde_norway::Value as Yaml;

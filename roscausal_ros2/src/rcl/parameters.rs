@@ -1,15 +1,10 @@
 //! A node's parameters, declared with descriptions and ranges.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    sync::{Mutex, MutexGuard},
-};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Mutex, MutexGuard};
 
-use roscausal_core::{
-    Result,
-    gate::lock,
-    params::{Allowed, ParamSpec, Params, TakeParams, Value, nearest},
-};
+use roscausal_core::params::{Allowed, ParamSpec, Params, TakeParams, Value, nearest};
+use roscausal_core::{Result, gate::lock};
 
 /// The parameters of one node.
 pub(crate) struct Parameters {
