@@ -101,7 +101,11 @@ impl Source {
     ) -> Result<Vec<PathBuf>> {
         let laps = self.recording.laps();
         if laps > 1 {
-            tell!("note: {}: {}; each is a recording of its own", self.path.display(), runs(laps));
+            tell!(
+                "note: {}: {}; each is a recording of its own (of files of one run, name one: what both hold counts twice)",
+                self.path.display(),
+                runs(laps)
+            );
         }
         self.recording = self.recording.by_lap();
         let (mut batches, mut numbers, mut trouble) = (Vec::new(), Vec::new(), String::new());
