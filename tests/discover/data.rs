@@ -593,7 +593,7 @@ fn where_nothing_was_tested_nothing_is_said_of_links() {
     .expect("writes");
     let out = roscausal(dir.path(), &[&QUICK[..], &["--links", "l.toml", "--all"]].concat());
     let text = String::from_utf8_lossy(&out.stdout);
-    has(&text, &["on 0 of 298 samples", "No pair was tested, so nothing is known of any link."]);
+    has(&text, &["on 0 of 298 samples", "No pair has a result, so nothing is known of any link."]);
     has(&text, &["not tested: it was ruled out beforehand", "8: it was ruled out beforehand"]);
 }
 

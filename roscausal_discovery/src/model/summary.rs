@@ -598,7 +598,7 @@ mod tests {
             let about_data = Some(DataProfile { variables, ..DataProfile::default() });
             Model { cond_ind_test: "parcorr".into(), about_data, ..example() }.summary().conclusion.join(" ")
         };
-        assert!(of(1.0).contains("both drift, which alone may link them") && !of(0.5).contains("drift"));
+        assert!(of(1.0).contains("drift, which alone may link them") && !of(0.5).contains("drift"));
     }
 
     #[test]
