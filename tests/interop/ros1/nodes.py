@@ -453,7 +453,8 @@ def diagnostics_tell_what_comes_and_what_was_lost(_):
         eventually(lambda: status()[0].level == 0 and status()[0].message == "running", 10, lambda: status())
         before = int(values["received /roscausal/robot"])
         lost = int(values["lost /roscausal/robot"])
-        recording.robot.impl.seq += 7
+        with recording.robot.impl.publock:  # else a message that is being sent takes the step back
+            recording.robot.impl.seq += 7
         eventually(lambda: int(status()[1]["lost /roscausal/robot"]) == lost + 7, 10, lambda: status())
         assert int(status()[1]["received /roscausal/robot"]) > before
     subscriber.unregister()
