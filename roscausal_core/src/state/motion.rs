@@ -3,7 +3,7 @@
 //! The difference of two places divides their noise by the step: with 5 cm and 10 Hz it is off by 0.7 m/s. The filter knows
 //! how noisy places are and how fast people change their velocity (Bar-Shalom, Li, Kirubarajan: Estimation with Applications to
 //! Tracking and Navigation, 2001, section 6.2: white noise acceleration). Its velocity is late: by 0.3 s there.
-//! So [`Motion`] is for what is to be known at once, and [`Walk`], which also knows the places after, for what is recorded.
+//! So [`Motion`] is for what is to be known at once, and `Walk`, which also knows the places after, for what is recorded.
 //!
 //! Steps of the filter:
 //! 1. The first place starts it; nothing is known of the velocity.
