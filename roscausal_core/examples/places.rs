@@ -30,6 +30,10 @@ use roscausal_msgs::{
     std_msgs::Header,
 };
 
+#[path = "../tests/common/random.rs"]
+mod random;
+use random::Random;
+
 /// Seconds between two moments of the world, and before the first stamp.
 const TICK_S: f64 = 0.01;
 const BEGIN_S: f64 = 100.0;
@@ -49,22 +53,6 @@ const TRACKERS: [(f64, f64); 9] = [
     (30.0, 0.1),
 ];
 const STEPS_S: [f64; 2] = [0.1, 0.3];
-
-struct Random(u64);
-
-impl Random {
-    /// In `[0, 1)`.
-    fn share(&mut self) -> f64 {
-        self.0 = mix(self.0);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Gaussian with variance 1.
-    fn normal(&mut self) -> f64 {
-        let (radius, angle) = ((-2.0 * (1.0 - self.share()).ln()).sqrt(), TAU * self.share());
-        radius * angle.cos()
-    }
-}
 
 #[derive(Clone, Copy)]
 struct Walker {

@@ -8,7 +8,10 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use super::{risk::Body, table::median};
-use crate::state::motion::{SLOWEST_HEADING, Walk};
+use crate::state::{
+    identity::is_leap,
+    motion::{SLOWEST_HEADING, Walk},
+};
 
 /// Most samples of one body that wait to become rows.
 const MOST: usize = 100_000;
@@ -17,11 +20,10 @@ const MOST: usize = 100_000;
 const INTERVALS: usize = 15;
 const TOGETHER: usize = 3;
 const ENOUGH: usize = INTERVALS + TOGETHER;
-/// Where a tracker tells places only, a row uses those from 1 s before it to 0.5 s after it, which are there when it is made. Faster than
-/// this, m/s, nobody runs, give or take so many metres: what lies beyond such a leap is not used.
+/// Where a tracker tells places only, a row uses those from 1 s before it to 0.5 s after it, which are there when it is made. What lies
+/// beyond a leap is not used; so many metres are none.
 const BEHIND_NS: i64 = 1_000_000_000;
 pub(super) const AHEAD_NS: i64 = 500_000_000;
-const RUNS: f64 = 10.0;
 const LEAP_M: f64 = 0.8;
 /// Their noise, metres, is measured on the last 66 of them, once there are 10, and is at least the third number; before, it is the last.
 const PLACES: usize = 66;
@@ -267,7 +269,7 @@ impl Track {
         let until = |end: i64| self.samples.partition_point(|(stamp, _)| *stamp <= end);
         let leaps = |i: usize| {
             let [(t0, a), (t1, b)] = [self.samples[i - 1], self.samples[i]];
-            libm::hypot(b.x - a.x, b.y - a.y) > LEAP_M + RUNS * (t1 - t0) as f64 / 1e9
+            is_leap([b.x - a.x, b.y - a.y], (t1 - t0) as f64 / 1e9, LEAP_M)
         };
         let now = until(moment);
         let second = now.saturating_sub(2).max(until(moment - max_gap.saturating_mul(2) - 1));

@@ -14,6 +14,11 @@ const FASTEST: f64 = 2.0;
 /// Nobody runs faster. Metres per second.
 const RUNS: f64 = 10.0;
 
+/// Whether two sightings, so many seconds apart, are farther apart than anybody runs and `gate_m`.
+pub(crate) fn is_leap([dx, dy]: [f64; 2], secs: f64, gate_m: f64) -> bool {
+    libm::hypot(dx, dy) > gate_m + RUNS * secs.abs()
+}
+
 /// Numbers for names: the number in the name (`person_12` is 12), otherwise, or if it is taken, the smallest free one.
 /// ROS4HRI's `rkvea` becomes 1, the next one 2.
 #[derive(Debug, Default)]
@@ -134,8 +139,7 @@ impl Identities {
         let has_leapt = |(id, place): (&u32, &Point)| {
             let known = self.lost.person.get(id).and_then(|person| self.lost.last.get(person));
             let Some((seen, at)) = known else { return false };
-            let distance = libm::hypot(place.x - at.x, place.y - at.y);
-            distance > self.lost.gate_m + RUNS * stamp.secs_since(*seen).abs()
+            is_leap([place.x - at.x, place.y - at.y], stamp.secs_since(*seen), self.lost.gate_m)
         };
         self.leaps += ids.iter().zip(&places).filter(|one| has_leapt(*one)).count() as u64;
         let found = self.lost.found(stamp, &ids, &places);

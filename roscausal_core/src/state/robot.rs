@@ -165,10 +165,16 @@ impl RobotTracker {
                 break;
             }
             match self.state(header, pose, odometry) {
-                Ok(state) => {
+                Ok(mut state) => {
                     let goal = self.goals.at(state.header.stamp).map(|goal| self.in_target(goal));
-                    self.trouble = goal.and_then(Result::err).map(|reason| format!("the goal: {reason}"));
-                    self.without_transform += u64::from(self.trouble.is_some());
+                    self.trouble = None;
+                    match goal.transpose() {
+                        Ok(goal) => state.goal = goal.unwrap_or_else(unknown),
+                        Err(reason) => {
+                            self.trouble = Some(format!("the goal: {reason}"));
+                            self.without_transform += 1;
+                        }
+                    }
                     states.extend(self.with_speed(state));
                 }
                 Err(trouble) => {
@@ -184,6 +190,7 @@ impl RobotTracker {
         if header.frame_id.is_empty() { &self.target_frame } else { &header.frame_id }
     }
 
+    /// The state without its goal.
     fn state(&self, header: &Header, pose: &Pose, odometry: &Odometry) -> Result<RobotState, Trouble> {
         let place = self.tf.lookup(&self.target_frame, self.frame(header), header.stamp);
         let pose2d = planar_pose(&place.map_err(Trouble::Transform)?, pose).map_err(Trouble::Number)?;
@@ -200,10 +207,8 @@ impl RobotTracker {
             let at = header.stamp.as_secs_f64();
             return Err(Trouble::Number(format!("{name} is {number} at {at:.3} s; no state was made of it")));
         }
-        let goal = self.goals.at(header.stamp).and_then(|goal| self.in_target(goal).ok());
-        let goal = goal.unwrap_or_else(unknown);
         let header = Header { stamp: header.stamp, frame_id: self.target_frame.clone() };
-        Ok(RobotState { header, pose2d, twist: odometry.twist.twist, goal })
+        Ok(RobotState { header, pose2d, twist: odometry.twist.twist, goal: unknown() })
     }
 
     /// The state with the speed that follows from the poses before, where no odometry tells it; `None` for the first pose.

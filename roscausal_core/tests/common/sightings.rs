@@ -1,8 +1,6 @@
 //! A world of which all is known: the robot's speed drives a person's, one row later. A tracker with a rate, jitter and losses of its
 //! own sees the person; the robot and human nodes and the recorder of the data node make rows of what it says.
 
-use std::f64::consts::TAU;
-
 use ndarray::Array2;
 use roscausal_core::{
     Result, Time,
@@ -24,6 +22,10 @@ use roscausal_msgs::{
     std_msgs::Header,
     tf2_msgs::TFMessage,
 };
+
+#[path = "random.rs"]
+mod random;
+use random::Random;
 
 /// The person.
 const ID: u64 = 7;
@@ -68,22 +70,6 @@ pub(crate) struct Found {
 
 /// The speeds of robot and person, row by row.
 type Speeds = Vec<[f64; 2]>;
-
-struct Random(u64);
-
-impl Random {
-    /// In `[0, 1)`.
-    fn share(&mut self) -> f64 {
-        self.0 = mix(self.0);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Gaussian with variance 1.
-    fn normal(&mut self) -> f64 {
-        let (radius, angle) = ((-2.0 * (1.0 - self.share()).ln()).sqrt(), TAU * self.share());
-        radius * angle.cos()
-    }
-}
 
 fn truth(rows: usize, random: &mut Random) -> Speeds {
     let (mut speeds, [mut robot, mut person]) = (Vec::with_capacity(rows), [0.0_f64; 2]);
