@@ -48,11 +48,15 @@ pub(super) struct Answered {
 }
 
 impl Case {
-    /// Asks about one moment.
+    /// Asks about one moment; none where the data do not reach what was the case then.
     ///
     /// # Errors
     /// A question that the model cannot answer.
-    pub(super) fn ask(model: &StructuralModel, twins: &Twins, correlation: &Correlation) -> Result<Self> {
+    pub(super) fn ask(
+        model: &StructuralModel,
+        twins: &Twins,
+        correlation: &Correlation,
+    ) -> Result<Option<Self>> {
         let situation = Situation { rows: twins.rows.view(), now: twins.now };
         let own = twins.rows.slice(s![twins.now + 1.., ACTING]).to_vec();
         let imposed: Vec<Vec<f64>> = twins.acted.iter().map(|rows| rows.column(ACTING).to_vec()).collect();
@@ -69,19 +73,20 @@ impl Case {
         let mut support = Vec::new();
         for (name, values) in questions {
             let question = set(name, values, REACH);
-            let outlook = only(model, &situation, question.clone(), false)?;
+            let Some(outlook) = only(model, &situation, question.clone(), false)? else { return Ok(None) };
             support.push((name.to_owned(), outlook.refused, outlook.supported_steps));
             // Every case and every step counts, also where the data do not reach.
             if ACTIONS.iter().any(|(action, _)| *action == name) || name == UNTOUCHED {
-                outlooks.push(only(model, &situation, question, true)?);
+                let Some(outlook) = only(model, &situation, question, true)? else { return Ok(None) };
+                outlooks.push(outlook);
             }
         }
         let mean_untouched = by_step(&outlooks[ACTIONS.len()], |f| &f.mean);
         let answered = |action: usize| {
             let (path, forecast) = (&imposed[action], &outlooks[action]);
             let had = WhatIf { counterfactual: true, ..set(ACTIONS[action].0, path.clone(), STEPS) };
-            let had = only(model, &situation, had, true)?;
-            Ok(Answered {
+            let Some(had) = only(model, &situation, had, true)? else { return Ok(None) };
+            Ok(Some(Answered {
                 real: path_of(&twins.acted[action]),
                 mean: by_step(forecast, |f| &f.mean),
                 lower: by_step(forecast, |f| &f.lower),
@@ -89,11 +94,13 @@ impl Case {
                 mean_untouched: mean_untouched.clone(),
                 had: by_step(&had, |f| &f.mean),
                 correlational: correlation.effects(path, &own),
-            })
+            }))
         };
-        let actions = (0..ACTIONS.len()).map(answered).collect::<Result<_>>()?;
+        let Some(actions) = (0..ACTIONS.len()).map(answered).collect::<Result<Option<_>>>()? else {
+            return Ok(None);
+        };
         let untouched = path_of(&twins.rows.slice(s![twins.now + 1.., ..]).to_owned());
-        Ok(Self { seed: twins.seed, start: twins.start, untouched, actions, support })
+        Ok(Some(Self { seed: twins.seed, start: twins.start, untouched, actions, support }))
     }
 }
 
@@ -117,17 +124,18 @@ fn set(name: &str, values: Vec<f64>, horizon: usize) -> WhatIf {
     WhatIf { horizon, actions, ..WhatIf::default() }
 }
 
+/// What comes of one action; none where even extrapolation is refused.
 fn only(
     model: &StructuralModel,
     situation: &Situation<'_>,
     question: WhatIf,
     allow_extrapolation: bool,
-) -> Result<Outlook> {
+) -> Result<Option<Outlook>> {
     let answer = what_if(model, situation, &WhatIf { allow_extrapolation, ..question });
-    match answer.outlooks.into_iter().next() {
-        Some(outlook) if answer.status != Status::NotSupported || !allow_extrapolation => Ok(outlook),
-        _ => Err(Error::Data(answer.message)),
+    if answer.status == Status::NotSupported && allow_extrapolation {
+        return Ok(None);
     }
+    answer.outlooks.into_iter().next().map(Some).ok_or(Error::Data(answer.message))
 }
 
 fn by_step(outlook: &Outlook, pick: fn(&roscausal_reasoning::answer::Forecast) -> &Vec<f64>) -> Path {

@@ -11,8 +11,9 @@ use super::{
 /// Everything that the experiment measures.
 #[derive(Debug, Serialize)]
 pub(super) struct Figures {
-    /// Moments at which every action was tried.
+    /// Moments at which every action was tried, and those among them that the data reach: all other figures are of these.
     pub(super) moments: usize,
+    pub(super) reached: usize,
     /// By action and variable, in the variable's unit.
     pub(super) cells: Vec<Cell>,
     /// By question.
@@ -70,8 +71,9 @@ impl Bar {
 }
 
 impl Figures {
-    /// Measures; errors of different variables are added up in units of their `deviations`.
-    pub(super) fn of(cases: &[Case], deviations: &[f64]) -> Self {
+    /// Measures the cases that the data reach, of so many `moments`; errors of different variables are added up in units of their
+    /// `deviations`.
+    pub(super) fn of(cases: &[Case], deviations: &[f64], moments: usize) -> Self {
         let each = (0..ACTIONS.len()).flat_map(|action| JUDGED.map(|var| (action, var)));
         let cells: Vec<(Cell, f64)> = each.map(|(a, var)| (cell(cases, a, var), deviations[var])).collect();
         let sum = |pick: fn(&Cell) -> f64| cells.iter().map(|(cell, sd)| pick(cell) / sd).sum::<f64>();
@@ -102,7 +104,8 @@ impl Figures {
             ),
             Bar::new("steps carried by the data (of 20): stop", steps("stop"), (5.0, 15.0)),
         ];
-        Self { moments: cases.len(), cells: cells.into_iter().map(|(cell, _)| cell).collect(), support, bars }
+        let cells = cells.into_iter().map(|(cell, _)| cell).collect();
+        Self { moments, reached: cases.len(), cells, support, bars }
     }
 }
 
@@ -181,9 +184,10 @@ mod tests {
     fn errors_are_those_of_effects_and_outcomes_not_of_levels() {
         // Effects -0.5 and -0.7; the model says -0.4 and -0.8, the correlation -0.1 in both.
         let cases = [case(1.0, 0.5, 0.6, 0.45, -0.1), case(1.2, 0.5, 0.2, 0.55, -0.1)];
-        let figures = Figures::of(&cases, &[1.0; 4]);
+        let figures = Figures::of(&cases, &[1.0; 4], 3);
         let cell = &figures.cells[0];
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} is not {b}: {cell:?}");
+        assert_eq!((figures.moments, figures.reached), (3, 2));
         near(cell.effect, -0.6);
         near(cell.mean_effect_error, 0.0);
         near(cell.mean_effect_error_correlational, 0.5);

@@ -75,9 +75,13 @@ pub(super) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
     let correlation = asked::Correlation::of(&training);
     let twins: Vec<Twins> = twins.into_iter().flatten().collect();
     let ask = |one: &Twins| Case::ask(&model, one, &correlation);
-    let cases: Vec<Case> =
+    let cases: Vec<Option<Case>> =
         threads::in_pool(runner.workers()?, || twins.par_iter().map(ask).collect::<Result<_>>())?;
-    let figures = Figures::of(&cases, &deviations(&training));
+    let cases: Vec<Case> = cases.into_iter().flatten().collect();
+    if cases.is_empty() {
+        return Err(Error::Data(format!("the walks {} reach none of the moments; give more", trained.train)));
+    }
+    let figures = Figures::of(&cases, &deviations(&training), twins.len());
     let json = serde_json::to_string_pretty(&figures).map_err(|e| Error::Data(e.to_string()))? + "\n";
     let files = [("cases.csv", tables::csv(&cases)), ("figures.json", json)];
     end(&runner.out, results, Some(&found), &files, &format!("{}\n", tables::text(&figures, &found, trained)))

@@ -10,10 +10,11 @@ use crate::experiment::model::{self, Trained};
 /// What the experiment found, for people.
 pub(super) fn text(figures: &Figures, found: &Model, trained: &Trained) -> String {
     let Trained { train, method, test, equations, runner, .. } = trained;
-    let (moments, walks, links) = (figures.moments, &runner.seeds, model::links(found));
+    let (walks, links) = (&runner.seeds, model::links(found));
     let mut text = format!(
-        "{moments} moments of the walks {walks}, with a model of the walks {train} ({method} with {test}, {equations} equations).\n\
-         Links (lag): {links}.\n\n"
+        "{} of {} moments of the walks {walks} reached by the data, with a model of the walks {train} ({method} with {test}, {equations} equations).\n\
+         Links (lag): {links}.\n\n",
+        figures.reached, figures.moments,
     );
     let header: String =
         figures.cells.iter().map(|cell| format!(" {}: {} |", cell.action, cell.variable)).collect();
