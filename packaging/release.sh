@@ -58,7 +58,7 @@ wheel_of() {
   rm -rf target/sdist && mkdir -p target/sdist && tar -xz -C target/sdist -f "dist/$name.tar.gz"
   zig
   CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/target} maturin build --quiet --profile wheel --locked --manifest-path "target/sdist/$name/roscausal_py/Cargo.toml" \
-    --target "$1" --zig --compatibility manylinux_2_28 --out dist
+    --target "$1" --zig --compatibility manylinux_2_28 --compression-level 9 --out dist
   bytes=$(stat -c %s "$(ls -t dist/roscausal-*.whl | head -1)")
   [ "$bytes" -le 10000000 ] || broken "the wheel has $bytes bytes; nobody waits for more than 10 MB"
 }
