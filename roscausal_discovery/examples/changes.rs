@@ -10,7 +10,7 @@ use ndarray::Array2;
 use rayon::prelude::*;
 use roscausal_discovery::{
     Control, Result,
-    changes::{Detector, Levels, Status},
+    changes::{ChangeEvent, Detector, Levels, Status},
     mix,
 };
 
@@ -81,11 +81,18 @@ fn two(links: &mut Vec<Link>, draw: &mut Draw) {
     links.push((i, j, 1 + draw.below(2), [0.0, 0.4]));
 }
 
+/// A link comes to the other lag.
+fn moved(links: &mut Vec<Link>, draw: &mut Draw) {
+    let (cause, effect, lag, [before, _]) = links[draw.below(links.len())];
+    links.iter_mut().filter(|link| (link.0, link.1) == (cause, effect)).for_each(|link| link.3[1] = 0.0);
+    links.push((cause, effect, 3 - lag, [0.0, before]));
+}
+
 fn nothing(_: usize, _: usize, _: &[f64]) -> f64 {
     0.0
 }
 
-const KINDS: [Kind; 8] = [
+const KINDS: [Kind; 9] = [
     Kind { name: "plain", change: None, other: nothing },
     Kind {
         name: "U-shaped",
@@ -98,6 +105,7 @@ const KINDS: [Kind; 8] = [
     Kind { name: "vanishes", change: Some(vanish), other: nothing },
     Kind { name: "halves", change: Some(halve), other: nothing },
     Kind { name: "two on one effect", change: Some(two), other: nothing },
+    Kind { name: "comes to another lag", change: Some(moved), other: nothing },
 ];
 
 #[derive(Default)]
@@ -138,25 +146,22 @@ fn run(kind: &Kind, seed: u64) -> Result<Found> {
     let events = detector.read_in_parts(rows.view(), &[], PART, &Control::default())?;
     let confirmed: Vec<_> = events.iter().filter(|event| event.status == Status::Confirmed).collect();
     let changed: Vec<&Link> = links.iter().filter(|link| link.3[0] != link.3[1]).collect();
-    let is_it = |link: &Link, cause: &str, effect: &str| {
-        cause == format!("v{}", link.0) && effect == format!("v{}", link.1)
+    // Of a link that comes to another lag both lags are to be told.
+    let lags_count = changed.len() == 2 && (changed[0].0, changed[0].1) == (changed[1].0, changed[1].1);
+    let is_it = |link: &Link, event: &ChangeEvent| {
+        let pair = event.cause == format!("v{}", link.0) && event.effect == format!("v{}", link.1);
+        pair && (!lags_count || event.lag == link.2)
     };
     let is_early = |time: usize| time <= CHANGE || changed.is_empty();
     let late: Vec<_> = confirmed.iter().filter(|event| !is_early(event.time)).collect();
-    let reported = changed
-        .iter()
-        .filter(|link| late.iter().any(|event| is_it(link, &event.cause, &event.effect)))
-        .count();
+    let reported = changed.iter().filter(|link| late.iter().any(|event| is_it(link, event))).count();
     Ok(Found {
         false_events: confirmed.len() - late.len(),
         changes: changed.len(),
         reported,
         all_told: usize::from(reported == changed.len()),
         events: late.len(),
-        right: late
-            .iter()
-            .filter(|event| changed.iter().any(|link| is_it(link, &event.cause, &event.effect)))
-            .count(),
+        right: late.iter().filter(|event| changed.iter().any(|link| is_it(link, event))).count(),
     })
 }
 

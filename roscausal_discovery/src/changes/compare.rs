@@ -260,7 +260,8 @@ pub(super) struct Changed {
 impl Comparison<'_> {
     /// The links that differ between the groups at `level`, alike behind the first batch alone, most certain first. A link joins the
     /// conditions of its effect once it is found, so that the next one is a change of its own. The first one must have been
-    /// `suspected` in the same direction; `known` ones, and other lags of a pair, are not told again.
+    /// `suspected` in the same direction; `known` ones are not told again, and other lags of a pair only where a link has moved: one
+    /// lag vanished and the other appeared.
     pub(super) fn changed(
         &self,
         (before, after): Groups<'_>,
@@ -275,11 +276,13 @@ impl Comparison<'_> {
         loop {
             let together = self.differences((before, after), &mechanisms)?;
             let alone = self.differences((before, later), &mechanisms)?;
-            let is_told = |at: Place| {
-                let told = known.iter().copied().chain(found.iter().map(|told| told.at));
+            let is_told = |of: &Difference| {
                 // One curve that changes may show in those of other causes.
-                let is_same = |told: Place| told.cause == at.cause || self.form == Form::Curve;
-                told.into_iter().any(|told| told.effect == at.effect && is_same(told))
+                let is_same = |told: &Place| {
+                    told.effect == of.at.effect && (told.cause == of.at.cause || self.form == Form::Curve)
+                };
+                let moves = |told: &Difference| self.form == Form::Slope && told.moves_with(of);
+                known.iter().any(is_same) || found.iter().any(|told| is_same(&told.at) && !moves(told))
             };
             let is_suspected = |of: &Difference| match suspected {
                 Some(all) if found.is_empty() => {
@@ -287,7 +290,7 @@ impl Comparison<'_> {
                 }
                 _ => true,
             };
-            let shown = together.iter().filter(|of| of.q <= level && !is_told(of.at) && is_suspected(of));
+            let shown = together.iter().filter(|of| of.q <= level && !is_told(of) && is_suspected(of));
             let shown = shown.filter_map(|of| {
                 let next = alone.iter().find(|next| next.at == of.at)?;
                 (next.p <= ALONE && self.are_alike(next, of)).then_some((*of, *next))

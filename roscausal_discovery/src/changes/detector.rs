@@ -10,7 +10,7 @@ use super::{
     batch::Batch,
     compare::{Changed, Groups},
     curves,
-    event::{ChangeEvent, Form, Status},
+    event::{ChangeEvent, Form, Kind, Status},
     place::Place,
     terms::{Comparison, Difference, Mechanisms, NONE},
     when,
@@ -443,6 +443,9 @@ impl Detector {
             event.changed_between = located(&comparison, groups, difference.at, &mechanisms);
             event.regime = Some(self.number + 1);
             event.same_as = same_as;
+            let moved =
+                confirmed.iter().find(|other| other.kind == Kind::Vanished && other.moves_with(difference));
+            event.moved_from = moved.map(|other| other.at.lag);
             reported.push(event);
         }
         for (seen, id) in &held.links {
@@ -528,6 +531,7 @@ impl Detector {
             changed_between: None,
             regime: None,
             same_as: None,
+            moved_from: None,
         }
     }
 }

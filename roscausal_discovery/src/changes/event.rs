@@ -97,6 +97,9 @@ pub struct ChangeEvent {
     pub regime: Option<usize>,
     /// An earlier regime whose slopes the new one has again.
     pub same_as: Option<usize>,
+    /// Of a link that appeared: the lag that it had before, and vanished at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moved_from: Option<usize>,
 }
 
 impl ChangeEvent {
@@ -106,7 +109,11 @@ impl ChangeEvent {
         let what = if self.form == Form::Slope { "slope" } else { "its part" };
         let slopes = format!("{what} {before:.3} before, {after:.3} after");
         let what = match self.kind {
-            Kind::Appeared => format!("{cause} drives {effect} (lag {lag}), which it did not before"),
+            Kind::Appeared => {
+                let before = self.moved_from.map(|before| format!("where it was lag {before} before"));
+                let before = before.unwrap_or_else(|| "which it did not before".to_owned());
+                format!("{cause} drives {effect} (lag {lag}), {before}")
+            }
             Kind::Vanished => format!("{cause} no longer drives {effect} (lag {lag})"),
             Kind::Reversed => format!("{cause} drives {effect} (lag {lag}) in the opposite direction"),
             Kind::Stronger => format!("{cause} drives {effect} (lag {lag}) more strongly"),

@@ -34,6 +34,14 @@ impl Difference {
     pub(super) fn rises(&self) -> bool {
         self.after.value > self.before.value
     }
+
+    /// Whether the two are one link that came to another lag: it vanished at one and appeared at the other.
+    pub(super) fn moves_with(&self, other: &Self) -> bool {
+        let pair = |of: &Self| (of.at.cause, of.at.effect);
+        let kinds = (self.kind, other.kind);
+        let opposite = kinds == (Kind::Vanished, Kind::Appeared) || kinds == (Kind::Appeared, Kind::Vanished);
+        pair(self) == pair(other) && self.at.lag != other.at.lag && opposite
+    }
 }
 
 /// What compares.

@@ -89,6 +89,28 @@ fn of_two_links_to_one_effect_that_change_together_both_are_told() {
 }
 
 #[test]
+fn a_link_that_comes_to_another_lag_is_told_as_such() {
+    let is_told = |seed: u64| {
+        let mut values = series(3000, seed, |_| 0.0, |_| 1.0);
+        let mut rng = Rng::new(2000 + seed);
+        let mut normal = || (0..12).map(|_| rng.unit()).sum::<f64>() - 6.0;
+        for t in 2..3000 {
+            let lag = 1 + usize::from(t >= 1500);
+            values[[t, 2]] = 0.3 * values[[t - 1, 2]] + 0.5 * values[[t - lag, 0]] + normal();
+        }
+        let mut detector = Detector::new(names(), 2, &[], Levels::default()).unwrap();
+        let events = detector.read_in_parts(values.view(), &[], 200, &Control::default()).unwrap();
+        let came = events.iter().find(|event| event.moved_from.is_some());
+        came.is_some_and(|event| {
+            assert!(event.sentence().contains("a drives c (lag 2), where it was lag 1 before"), "{event:?}");
+            event.status == Status::Confirmed
+        })
+    };
+    let told = (1..=20).filter(|&seed| is_told(seed)).count();
+    assert!(told >= 15, "of 20: {told}");
+}
+
+#[test]
 fn a_mean_or_a_noise_that_changes_is_no_event() {
     for seed in 1..6 {
         let louder = series(2000, seed, |_| 0.6, |t| if t < 900 { 1.0 } else { 2.5 });
