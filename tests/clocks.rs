@@ -323,6 +323,17 @@ fn column(batches: &[(String, String)], name: &str) -> Vec<f64> {
 }
 
 #[test]
+fn of_equal_stamps_the_first_counts_also_where_only_the_second_is_late() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let pairs = |number: u32| step(number - number % 2);
+    let walk = Walk { people_stamp: &pairs, ..SOUND };
+    walk.write(&dir.path().join("pairs.mcap"));
+    let (text, success, batches) = discover(dir.path(), &["pairs.mcap"]);
+    assert!(success, "{text}");
+    check_rows(&Walk { late: 1, ..walk }, &rows(&batches), 3);
+}
+
+#[test]
 fn of_equal_stamps_the_first_counts_for_robot_and_person_alike() {
     let dir = tempfile::tempdir().expect("a folder");
     let coarse = |number: u32| (10.0 * step(number) + 1e-6).floor() / 10.0;

@@ -44,11 +44,12 @@ impl Lead {
             .map_or(0.0, |late| late.min(ONE_CLOCK_S))
     }
 
-    /// That of a message, seconds.
-    fn of(&self, record: &Record) -> f64 {
-        let Some(topic) = self.topics.get(record.topic) else { return 0.0 };
+    /// That of a message, seconds, and its stamp.
+    fn of(&self, record: &Record) -> (f64, Option<Time>) {
+        let Some(topic) = self.topics.get(record.topic) else { return (0.0, None) };
         let stamp = topic.stamps.as_ref().and_then(|stamps| stamps.first(&record.bytes));
-        topic.ahead_s + self.late(stamp.map_or(topic.offsets_s[0], |stamp| stamp.secs_since(record.stamp)))
+        let offset_s = stamp.map_or(topic.offsets_s[0], |stamp| stamp.secs_since(record.stamp));
+        (topic.ahead_s + self.late(offset_s), stamp)
     }
 
     /// The longest, seconds.
@@ -94,6 +95,8 @@ pub(super) struct InOrder<'a> {
     /// Messages that wait for earlier ones, each with its number among those of its topic: by their time, then in the order of the file.
     waiting: BTreeMap<(Time, u64), (Record, u64)>,
     count: u64,
+    /// By topic: stamp and time of the last message.
+    last: BTreeMap<usize, (Time, Time)>,
     first: Option<Time>,
     newest: Option<Time>,
     at_end: bool,
@@ -108,6 +111,7 @@ impl<'a> InOrder<'a> {
             most: 0.0,
             waiting: BTreeMap::new(),
             count: 0,
+            last: BTreeMap::new(),
             first: None,
             newest: None,
             at_end: false,
@@ -135,9 +139,17 @@ impl<'a> InOrder<'a> {
             let came = record.stamp;
             self.newest = Some(self.newest.map_or(came, |newest| newest.max(came)));
             let first = *self.first.get_or_insert(came);
-            let lead = self.lead.map_or(0.0, |lead| lead.of(&record));
+            let (lead, stamp) = self.lead.map_or((0.0, None), |lead| lead.of(&record));
             if lead > 0.0 {
                 record.stamp = came.plus_secs(-lead).max(first);
+            }
+            if let Some(stamp) = stamp {
+                // What is not stamped before the last message of its topic stays behind it.
+                let last = self.last.entry(record.topic).or_insert((stamp, record.stamp));
+                if last.0 <= stamp {
+                    record.stamp = record.stamp.max(last.1);
+                }
+                *last = (stamp, record.stamp);
             }
             self.count += 1;
             let number = number(numbers, &record);

@@ -236,6 +236,8 @@ TROUBLES = {
     "out_of_order": (Walk(robot_came=lambda i, t: t + (0.06 if i % 5 == 2 else 0.0)), [], 295, 1, []),
     "a_little_out_of_order": (
         Walk(robot_came=lambda i, t: t + (0.045 if i % 5 == 2 else 0.0)), [], 295, 1, ["robot node: out of order: "]),
+    "equal_stamps": (  # the first of two counts, also where the second is the later one
+        Walk(stamp=lambda i, t: even(i - i % 2), came=lambda i, t: t + 0.04), [], 290, 1, []),
     "late_or_slow": (Walk(came=lambda i, t: t + 3.0), [], 270, 1, ["stamps of /people are 3.00 s behind", FLAG]),
     "no_stamp": (
         Walk(stamp=lambda i, t: -BEGIN / 1e9 if 10 < t < 12 else t), [], 295, 1, ["human node: without stamp: 49"]),
