@@ -272,21 +272,21 @@ impl Clocks {
         }
         let measured: Vec<Option<Offset>> = offsets.into_iter().map(Offsets::finish).collect();
         let mut clocks = Self { fixed, notes: check(path, &topics, &measured)?, ..Self::default() };
-        if !has_clock {
-            let known = topics.iter().zip(&measured).filter(|(topic, _)| !is_tf(topic));
-            let known = known.filter_map(|(_, offset)| offset.as_ref().filter(|of| of.count >= ENOUGH));
-            let base_s = known.map(|of| of.median_s).reduce(f64::max).unwrap_or(0.0);
-            let lead = |(topic, (offset, stamps)): (usize, (&Option<Offset>, Option<Stamps>))| {
-                // Those that are replaced are as the time of recording, whatever the others are.
-                let own = !choice.by_recording(&topics[topic]);
-                let offset = offset.as_ref().filter(|_| own);
-                let offsets_s = offset.map_or([base_s; 2], |of| [of.median_s, of.least_s.min(of.median_s)]);
-                let ahead_s = intervals.get(&topic).map_or(0.0, Intervals::lead);
-                TopicLead { offsets_s, ahead_s, stamps: stamps.filter(|_| own) }
-            };
-            let of_topics = measured.iter().zip(stamps).enumerate().map(lead).collect();
-            clocks.lead = Lead { base_s, topics: of_topics };
-        }
+        let known = topics.iter().zip(&measured).filter(|(topic, _)| !is_tf(topic));
+        let known = known.filter_map(|(_, offset)| offset.as_ref().filter(|of| of.count >= ENOUGH));
+        let base_s = known.map(|of| of.median_s).reduce(f64::max).unwrap_or(0.0);
+        // Stamps may be ahead of a clock that comes seldom; what is not behind it is not late.
+        let base_s = if has_clock { base_s.min(0.0) } else { base_s };
+        let lead = |(topic, (offset, stamps)): (usize, (&Option<Offset>, Option<Stamps>))| {
+            // Those that are replaced are as the time of recording, whatever the others are.
+            let own = !choice.by_recording(&topics[topic]);
+            let offset = offset.as_ref().filter(|_| own);
+            let offsets_s = offset.map_or([base_s; 2], |of| [of.median_s, of.least_s.min(of.median_s)]);
+            let ahead_s = intervals.get(&topic).map_or(0.0, Intervals::lead);
+            TopicLead { offsets_s, ahead_s, stamps: stamps.filter(|_| own) }
+        };
+        let of_topics = measured.iter().zip(stamps).enumerate().map(lead).collect();
+        clocks.lead = Lead { clock: topics.iter().position(is_clock), base_s, topics: of_topics };
         for (topic, offset) in topics.iter().zip(measured) {
             // Transforms of several publishers come with delays of their own.
             let offset = offset.filter(|_| !is_tf(topic)).unwrap_or_default();

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use roscausal_core::Time;
-use roscausal_msgs::tf2_msgs::TFMessage;
+use roscausal_msgs::{rosgraph_msgs::Clock, tf2_msgs::TFMessage};
 use roscausal_recording::{Record, Recording};
 
 use super::stamps::{ONE_CLOCK_S, Stamps, number};
@@ -12,6 +12,8 @@ use super::stamps::{ONE_CLOCK_S, Stamps, number};
 /// How far messages are played before the time at which they were recorded.
 #[derive(Debug, Default)]
 pub(crate) struct Lead {
+    /// The recording's own clock, whose time counts if there is one.
+    pub(super) clock: Option<usize>,
     /// The stamps of the topic that came earliest, minus the times of recording: all may be off by the same. Seconds.
     pub(super) base_s: f64,
     pub(super) topics: Vec<TopicLead>,
@@ -44,11 +46,11 @@ impl Lead {
             .map_or(0.0, |late| late.min(ONE_CLOCK_S))
     }
 
-    /// That of a message, seconds, and its stamp.
-    fn of(&self, record: &Record) -> (f64, Option<Time>) {
+    /// That of a message, seconds, and its stamp. `now`: the time at which it came.
+    fn of(&self, record: &Record, now: Time) -> (f64, Option<Time>) {
         let Some(topic) = self.topics.get(record.topic) else { return (0.0, None) };
         let stamp = topic.stamps.as_ref().and_then(|stamps| stamps.first(&record.bytes));
-        let offset_s = stamp.map_or(topic.offsets_s[0], |stamp| stamp.secs_since(record.stamp));
+        let offset_s = stamp.map_or(topic.offsets_s[0], |stamp| stamp.secs_since(now));
         (topic.ahead_s + self.late(offset_s), stamp)
     }
 
@@ -99,6 +101,8 @@ pub(super) struct InOrder<'a> {
     last: BTreeMap<usize, (Time, Time)>,
     first: Option<Time>,
     newest: Option<Time>,
+    /// The time of the recording's own clock, and how far it went in all: it may go back.
+    clock: Option<(Time, Time)>,
     at_end: bool,
 }
 
@@ -114,6 +118,7 @@ impl<'a> InOrder<'a> {
             last: BTreeMap::new(),
             first: None,
             newest: None,
+            clock: None,
             at_end: false,
         }
     }
@@ -129,6 +134,20 @@ impl<'a> InOrder<'a> {
         self.newest.is_some_and(|newest| newest.secs_since(*due) >= self.most)
     }
 
+    /// When a message came, by the clock of the stamps and by one that never goes back.
+    fn times(&mut self, record: &Record) -> (Time, Time) {
+        let Some(clock) = self.lead.and_then(|lead| lead.clock) else { return (record.stamp, record.stamp) };
+        if record.topic == clock
+            && let Ok(message) = self.recording.topics()[clock].decode::<Clock>(&record.bytes)
+        {
+            let (before, gone) = self.clock.unwrap_or((message.clock, message.clock));
+            let step = message.clock.secs_since(before).max(0.0);
+            self.clock = Some((message.clock, gone.plus_secs(step)));
+        }
+        // Before the first message of a clock its time is not known.
+        self.clock.unwrap_or_default()
+    }
+
     /// The next message and its number. `numbers`: how many messages of each topic were read.
     pub(super) fn next(&mut self, numbers: &mut [u64]) -> Option<(Record, u64)> {
         while !self.is_ready() && !self.at_end {
@@ -136,10 +155,11 @@ impl<'a> InOrder<'a> {
                 self.at_end = true;
                 break;
             };
-            let came = record.stamp;
+            let (now, came) = self.times(&record);
             self.newest = Some(self.newest.map_or(came, |newest| newest.max(came)));
             let first = *self.first.get_or_insert(came);
-            let (lead, stamp) = self.lead.map_or((0.0, None), |lead| lead.of(&record));
+            let (lead, stamp) = self.lead.map_or((0.0, None), |lead| lead.of(&record, now));
+            record.stamp = came;
             if lead > 0.0 {
                 record.stamp = came.plus_secs(-lead).max(first);
             }

@@ -52,6 +52,7 @@ class Walk:
     robot_came = staticmethod(lambda i, t: t)
     name = staticmethod(lambda i: "7")
     recorded = staticmethod(lambda t: t)  # the recorder's clock
+    clock = None  # what /clock says, by its number; it comes at 50 Hz
     has_place = staticmethod(lambda t: True)  # whether the person's place is a number
     frame = "map"  # of the people
     odom_every = 1  # poses for each odometry message
@@ -85,6 +86,9 @@ def messages(s, walk):
     if walk.tf_static is not None:
         camera = [s.transform(BEGIN, "map", "camera", 10.0, -2.0, s.turn())]
         add(walk.tf_static, "/tf_static", "tf2_msgs/TFMessage", s.make("tf2_msgs/TFMessage", transforms=camera))
+    for i in range(2 * count + 200 if walk.clock else 0):
+        now = s.header(at(walk.clock(i)), "").stamp
+        add(i * STEP / 2, "/clock", "rosgraph_msgs/Clock", s.make("rosgraph_msgs/Clock", clock=now))
     for i in range(count):
         t = even(i)
         where, came = robot(t), walk.robot_came(i, t)
@@ -214,6 +218,10 @@ def jitter(i):
     return even(i) + 0.015 * math.sin(7919.0 * i) if i else 0.0
 
 
+def ticks(i):
+    return i * STEP / 2
+
+
 def ahead_from(first, by, last=10**9):
     """Stamps that are wrong from one message on."""
     return lambda i, t: t + (by if first <= i < last else 0.0)
@@ -230,6 +238,7 @@ TROUBLES = {
     "lost": (Walk(seen=lambda i: None if i % 10 == 3 else jitter(i)), [], 295, 1, []),
     "glitch": (Walk(stamp=lambda i, t: t + (3e8 if 300 <= i < 306 else 0)), [], 290, 1, ["6 of 750 messages of /people"]),
     "late": (Walk(came=lambda i, t: t + 3.0), [], 270, 1, []),
+    "late_by_clock": (Walk(clock=ticks, came=lambda i, t: t + 3.0), [], 270, 1, ["stamps of /people are 3.00 s behind"]),
     "early": (Walk(robot_came=lambda i, t: t + 1.5), [], 270, 1, []),
     "wandering": (Walk(came=lambda i, t: t + 1.5 + 1.5 * math.sin(0.3 * t)), [], 295, 1, []),
     "burst": (Walk(came=lambda i, t: max(t, 12.0) if t > 9 else t), [], 295, 1, []),
