@@ -27,8 +27,9 @@ const TF_AHEAD_S: f64 = 2.0;
 const BEHIND_S: f64 = 1.0;
 /// Parts of a recording whose offsets are compared.
 const PARTS: usize = 10;
-/// So many stamps must follow each other after a jump of the clock; fewer are mistakes.
+/// So many stamps must follow each other after a jump of the clock; fewer are mistakes. `/clock` may come seldom.
 const CONFIRMED: usize = 50;
+const CLOCK_CONFIRMED: usize = 5;
 /// If more than this share of a topic's stamps are mistaken, none of them is right or wrong.
 const MOST_MISTAKEN: f64 = 0.1;
 /// Fewer messages say nothing of a clock: one that was kept for the recorder is older than the recording.
@@ -111,10 +112,6 @@ impl Offsets {
         }
         self.count += 1;
         self.same += u64::from(std::mem::replace(&mut self.last, stamp) == stamp);
-        let follows = |a: Tick, b: Tick| {
-            let (step, passed) = (b.stamp.secs_since(a.stamp), b.came.secs_since(a.came));
-            (step - passed).abs() <= CLOSE_S || (step >= 0.0 && step <= passed + CLOSE_S)
-        };
         self.steps.get_or_insert_with(|| Steps::new(CONFIRMED, follows)).add(Tick { number, stamp, came });
     }
 
@@ -133,6 +130,12 @@ impl Offsets {
         let stepped = self.steps?.finish();
         Some(Offset { median_s, spread_s, wander_s: high - low, least_s, count, same, stepped })
     }
+}
+
+/// Whether the second of two messages may be by the clock of the first.
+fn follows(a: Tick, b: Tick) -> bool {
+    let (step, passed) = (b.stamp.secs_since(a.stamp), b.came.secs_since(a.came));
+    (step - passed).abs() <= CLOSE_S || (step >= 0.0 && step <= passed + CLOSE_S)
 }
 
 /// Whose stamps are replaced by the time of recording.
@@ -189,6 +192,8 @@ pub(crate) struct Clocks {
     pub(crate) notes: Vec<String>,
     /// How far topics are played ahead where there are no waits.
     pub(super) lead: Lead,
+    /// When the recording begins: by its own clock if it has one, otherwise where its first times are mistakes.
+    pub(super) start: Option<Time>,
     /// Transforms that never change, by topic and frame; of several for a frame the first.
     pub(super) fixed: BTreeMap<String, BTreeMap<String, TransformStamped>>,
 }
@@ -201,17 +206,6 @@ pub(crate) fn is_tf(topic: &Topic) -> bool {
 /// Whether this topic carries the time of a simulation.
 pub(super) fn is_clock(topic: &Topic) -> bool {
     topic.name == "/clock" && topic.type_name == "rosgraph_msgs/Clock" && topic.known_type().is_some()
-}
-
-/// The time at which a recording begins: by its own clock if it has one, otherwise by its recorder's.
-pub(super) fn start(path: &Path, recording: &Recording) -> Result<Time> {
-    let span = recording.span().map_or(Time::ZERO, |(start, _)| start);
-    let Some(clock) = recording.topics().iter().position(is_clock) else { return Ok(span) };
-    let mut clocks = Recording::open(path)?;
-    clocks.select(is_clock);
-    let first =
-        clocks.next().and_then(|record| recording.topics()[clock].decode::<Clock>(&record.bytes).ok());
-    Ok(first.map_or(span, |first| first.clock))
 }
 
 impl Clocks {
@@ -238,11 +232,21 @@ impl Clocks {
         let mut intervals: BTreeMap<usize, Intervals> = BTreeMap::new();
         let mut offsets: Vec<Offsets> = topics.iter().map(|_| Offsets::default()).collect();
         let mut numbers = vec![0; topics.len()];
-        let mut now = None;
+        let (mut now, mut last): (Option<Time>, Option<Tick>) = (None, None);
+        let mut first: Vec<(usize, u64, Time)> = Vec::new();
+        let mut clock = Steps::new(CLOCK_CONFIRMED, follows);
         for record in recording.by_ref() {
             let topic = &topics[record.topic];
             if is_clock(topic) {
-                now = topic.decode::<Clock>(&record.bytes).ok().map(|clock| clock.clock).or(now);
+                let number = number(&mut numbers, &record);
+                let Ok(Clock { clock: stamp }) = topic.decode::<Clock>(&record.bytes) else { continue };
+                let next = Tick { number, stamp, came: record.stamp };
+                // What differs from the one before may be a mistake.
+                now = last.replace(next).is_none_or(|before| follows(before, next)).then_some(stamp);
+                clock.add(next);
+                if first.len() < CONFIRMED {
+                    first.push((record.topic, number, stamp));
+                }
                 continue;
             }
             if is_fixed(topic) {
@@ -256,6 +260,9 @@ impl Clocks {
                 continue;
             }
             let number = number(&mut numbers, &record);
+            if !has_clock && first.len() < CONFIRMED {
+                first.push((record.topic, number, record.stamp));
+            }
             let stamp = if moves(topic) {
                 let message = topic.decode::<TFMessage>(&record.bytes).unwrap_or_default();
                 intervals.entry(record.topic).or_default().add(&message);
@@ -287,9 +294,13 @@ impl Clocks {
         };
         let of_topics = measured.iter().zip(stamps).enumerate().map(lead).collect();
         clocks.lead = Lead { clock: topics.iter().position(is_clock), base_s, topics: of_topics };
-        for (topic, offset) in topics.iter().zip(measured) {
+        let clock = clock.finish();
+        for ((topic, offset), sent) in topics.iter().zip(measured).zip(numbers) {
             // Transforms of several publishers come with delays of their own.
-            let offset = offset.filter(|_| !is_tf(topic)).unwrap_or_default();
+            let mut offset = offset.filter(|_| !is_tf(topic)).unwrap_or_default();
+            if is_clock(topic) && clock.mistakes.len() as f64 <= MOST_MISTAKEN * sent as f64 {
+                offset = Offset { count: sent, stepped: clock.clone(), ..Offset::default() };
+            }
             let Offset { count, stepped: Stepped { mistakes, .. }, .. } = offset;
             let (file, name, wrong) = (path.display(), &topic.name, mistakes.len());
             if wrong as f64 / count.max(1) as f64 > MOST_MISTAKEN {
@@ -306,6 +317,8 @@ impl Clocks {
             }
             clocks.mistakes.push(mistakes.into_iter().collect());
         }
+        let right = first.iter().position(|(topic, number, _)| !clocks.leaves_out(*topic, *number));
+        clocks.start = right.filter(|place| has_clock || *place > 0).map(|place| first[place].2);
         Ok(clocks)
     }
 

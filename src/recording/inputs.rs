@@ -15,7 +15,7 @@ use crate::{carried::carried, flags, nodes::RECORDING, travel};
 
 use super::{
     choose::{Chooser, STATES, is_nobody},
-    clocks::{self, ClockChoice, Clocks},
+    clocks::{ClockChoice, Clocks},
     coverage, persons,
     robots::{self, Space},
     roles::{BASES, HUMAN_GOAL, PEOPLE, ROBOT_GOAL, ROBOT_ODOM, ROBOT_POSE, ROS4HRI_FRAMES, Role, VELOCITY},
@@ -165,7 +165,7 @@ impl Inputs {
             nodes: &RECORDING,
             clock: ClockChoice::parse(&args.clock)?,
             tf: "/tf".to_owned(),
-            start: clocks::start(path, recording)?,
+            start: recording.span().map_or(Time::ZERO, |(start, _)| start),
             ..Self::default()
         };
         let mut chooser = Chooser::of(recording, path)?;
@@ -195,6 +195,7 @@ impl Inputs {
             return Err(Error::param("clock", format!("there is no topic {topic} in {}", path.display())));
         }
         inputs.clocks = Clocks::measure(path, |topic| inputs.is_timed(topic), &inputs.clock)?;
+        inputs.start = inputs.clocks.start.unwrap_or(inputs.start);
         Ok(inputs)
     }
 

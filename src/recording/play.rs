@@ -183,11 +183,13 @@ impl<'a> Play<'a> {
         }
         while let Some((mut record, number)) = self.recording.next(numbers) {
             let topic = &topics[record.topic];
-            if Some(record.topic) == self.clock {
+            if self.clocks.leaves_out(record.topic, number) {
+                // It is counted.
+            } else if Some(record.topic) == self.clock {
                 if let Ok(clock) = topic.decode::<Clock>(&record.bytes) {
                     self.advance(clock.clock);
                 }
-            } else if !self.clocks.leaves_out(record.topic, number) {
+            } else {
                 // The time of recording may be the mistake.
                 if self.clock.is_none() {
                     self.advance(record.stamp);
