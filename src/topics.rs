@@ -11,7 +11,7 @@ use roscausal_recording::{Record, Recording};
 use crate::{
     interrupt::Interrupt,
     recording::{
-        clocks::{Offset, Offsets, is_tf},
+        clocks::{Offset, Offsets, add_early, is_tf},
         runs,
         stamps::Stamps,
     },
@@ -87,7 +87,8 @@ pub(crate) fn run(args: &Args, interrupt: &Interrupt) -> Result<()> {
         }
         counts[record.topic].add(&record);
     }
-    let offsets: Vec<Option<Offset>> = offsets.into_iter().map(Offsets::finish).collect();
+    let mut offsets: Vec<Option<Offset>> = offsets.into_iter().map(Offsets::finish).collect();
+    add_early(&topics, &mut offsets);
     let mut lines: Vec<_> = topics.iter().zip(&counts).zip(&offsets).collect();
     lines.sort_by_key(|((topic, _), _)| (&topic.name, &topic.type_name));
     let names = topics.iter().map(|topic| topic.name.len()).max().unwrap_or(0).clamp(5, WIDEST);

@@ -2,7 +2,8 @@
 //! stamps are found here, and clocks that are not the same.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    cmp::Reverse,
+    collections::{BTreeMap, BTreeSet, BinaryHeap},
     path::Path,
     sync::Arc,
 };
@@ -34,8 +35,9 @@ const CLOCK_CONFIRMED: usize = 5;
 const MOST_MISTAKEN: f64 = 0.1;
 /// Fewer messages say nothing of a clock: one that was kept for the recorder is older than the recording.
 const ENOUGH: u64 = 20;
-/// Offsets that are kept of a topic, and frames that are fixed.
+/// Offsets that are kept of a topic, and frames that are fixed; messages of a topic that may be stamped ahead.
 const MOST_KEPT: usize = 4096;
+const MOST_AHEAD: u64 = 100_000;
 
 /// Stamp minus time of recording, of one topic.
 #[derive(Default)]
@@ -45,9 +47,14 @@ pub(crate) struct Offsets {
     least_s: f64,
     every: u64,
     count: u64,
-    last: Time,
+    last: Option<Tick>,
+    /// From the last but one stamp to the last one, seconds.
+    step_s: f64,
     same: u64,
     steps: Option<Steps>,
+    /// The half of the messages that are most ahead: by how many nanoseconds, the number, and whether the step to the next stamp is much
+    /// shorter than the one before.
+    ahead: BinaryHeap<Reverse<(i64, u64, bool)>>,
 }
 
 /// What the offsets of a topic come to.
@@ -67,6 +74,10 @@ pub(crate) struct Offset {
     same: u64,
     /// Mistaken stamps and jumps.
     pub(crate) stepped: Stepped,
+    /// Three in four offsets are less, seconds.
+    high_s: f64,
+    /// Those most ahead, in their order.
+    ahead: Vec<(i64, u64, bool)>,
 }
 
 impl Offset {
@@ -111,8 +122,18 @@ impl Offsets {
             self.every *= 2;
         }
         self.count += 1;
-        self.same += u64::from(std::mem::replace(&mut self.last, stamp) == stamp);
-        self.steps.get_or_insert_with(|| Steps::new(CONFIRMED, follows)).add(Tick { number, stamp, came });
+        let next = Tick { number, stamp, came };
+        if let Some(last) = self.last.replace(next) {
+            let step_s = stamp.secs_since(last.stamp);
+            let before_s = std::mem::replace(&mut self.step_s, step_s);
+            self.same += u64::from(step_s == 0.0);
+            let ahead = last.stamp.as_nanos() - last.came.as_nanos();
+            self.ahead.push(Reverse((ahead, last.number, step_s < before_s / 4.0)));
+            if self.ahead.len() as u64 > (self.count / 2 + ENOUGH).min(MOST_AHEAD) {
+                self.ahead.pop();
+            }
+        }
+        self.steps.get_or_insert_with(|| Steps::new(CONFIRMED, follows)).add(next);
     }
 
     /// The result; `None` without any stamp.
@@ -125,10 +146,13 @@ impl Offsets {
         self.kept.sort_by(f64::total_cmp);
         let at =
             |share: f64| self.kept.get((share * (self.kept.len() as f64 - 1.0)).round() as usize).copied();
-        let (median_s, spread_s) = (at(0.5)?, at(0.95)? - at(0.05)?);
+        let (median_s, spread_s, high_s) = (at(0.5)?, at(0.95)? - at(0.05)?, at(0.75)?);
         let Self { least_s, count, same, .. } = self;
         let stepped = self.steps?.finish();
-        Some(Offset { median_s, spread_s, wander_s: high - low, least_s, count, same, stepped })
+        let mut ahead: Vec<_> = self.ahead.into_iter().map(|Reverse(message)| message).collect();
+        ahead.sort_unstable_by_key(|message| message.1);
+        let wander_s = high - low;
+        Some(Offset { median_s, spread_s, wander_s, least_s, count, same, stepped, high_s, ahead })
     }
 }
 
@@ -277,11 +301,9 @@ impl Clocks {
                 offsets[record.topic].add(number, stamp, came);
             }
         }
-        let measured: Vec<Option<Offset>> = offsets.into_iter().map(Offsets::finish).collect();
+        let mut measured: Vec<Option<Offset>> = offsets.into_iter().map(Offsets::finish).collect();
+        let base_s = add_early(&topics, &mut measured);
         let mut clocks = Self { fixed, notes: check(path, &topics, &measured)?, ..Self::default() };
-        let known = topics.iter().zip(&measured).filter(|(topic, _)| !is_tf(topic));
-        let known = known.filter_map(|(_, offset)| offset.as_ref().filter(|of| of.count >= ENOUGH));
-        let base_s = known.map(|of| of.median_s).reduce(f64::max).unwrap_or(0.0);
         // Stamps may be ahead of a clock that comes seldom; what is not behind it is not late.
         let base_s = if has_clock { base_s.min(0.0) } else { base_s };
         let lead = |(topic, (offset, stamps)): (usize, (&Option<Offset>, Option<Stamps>))| {
@@ -312,7 +334,8 @@ impl Clocks {
             }
             if wrong > 0 {
                 clocks.notes.push(format!(
-                    "{file}: {wrong} of {count} messages of {name} are stamped more than {CLOSE_S} s from those around them and are left out"
+                    "{file}: {wrong} of {count} messages of {name} are stamped more than {CLOSE_S} s from those around them, or {AHEAD_S} s ahead \
+                     of the time of recording, and are left out"
                 ));
             }
             clocks.mistakes.push(mistakes.into_iter().collect());
@@ -326,6 +349,27 @@ impl Clocks {
     pub(super) fn leaves_out(&self, topic: usize, number: u64) -> bool {
         self.mistakes.get(topic).is_some_and(|mistakes| mistakes.contains(&number))
     }
+}
+
+/// Adds to the mistakes of each topic the few in a row that are stamped ahead of the time of recording: no delay makes that. Returns the
+/// offset of the topic that came earliest, seconds: all may be off by the same.
+pub(crate) fn add_early(topics: &[Topic], measured: &mut [Option<Offset>]) -> f64 {
+    // Transforms of several publishers come with delays of their own.
+    let known = topics.iter().zip(measured).filter(|(topic, _)| !is_tf(topic));
+    let known: Vec<&mut Offset> = known.filter_map(|(_, offset)| offset.as_mut()).collect();
+    let enough = known.iter().filter(|of| of.count >= ENOUGH);
+    let base_s = enough.map(|of| of.high_s).reduce(f64::max).unwrap_or(0.0);
+    for Offset { high_s, ahead, stepped: Stepped { mistakes, .. }, .. } in known {
+        let limit_s = base_s.max(*high_s) + AHEAD_S;
+        ahead.retain(|(ahead, ..)| *ahead as f64 * 1e-9 > limit_s);
+        // Where stamps go on evenly, it is the other clock that was set or comes seldom; after it was set back, others are in between.
+        let runs = ahead.chunk_by(|a, b| a.1 + 2 >= b.1);
+        let few = runs.filter(|run| run.len() < CONFIRMED && run.last().is_some_and(|last| last.2));
+        mistakes.extend(few.flatten().map(|message| message.1));
+        mistakes.sort_unstable();
+        mistakes.dedup();
+    }
+    base_s
 }
 
 /// Checks that stamps are of one clock that goes on with the time of recording. Returns what may be wrong with them.
@@ -400,12 +444,8 @@ fn seconds(value: f64) -> String {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_clock_is_chosen_for_all_topics_or_for_one() {
-        let parse = |texts: &[&str]| {
-            ClockChoice::parse(&texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>())
-        };
-        let topic = |name: &str| Topic {
+    fn topic(name: &str) -> Topic {
+        Topic {
             name: name.into(),
             type_name: String::new(),
             encoding: roscausal_recording::Encoding::Cdr,
@@ -413,6 +453,13 @@ mod tests {
             definition: "".into(),
             latched: false,
             messages: None,
+        }
+    }
+
+    #[test]
+    fn a_clock_is_chosen_for_all_topics_or_for_one() {
+        let parse = |texts: &[&str]| {
+            ClockChoice::parse(&texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>())
         };
         let choice = parse(&["recording", "/odom=header"]).expect("parses");
         assert!(choice.by_recording(&topic("/people")) && !choice.by_recording(&topic("odom")));
@@ -439,5 +486,35 @@ mod tests {
         assert_eq!(of(&glitch, &step, 600).stepped.mistakes, [20, 170, 320, 470]);
         let early = |number: u64| step(number) - if number == 77 { 30.0 } else { 0.0 };
         assert_eq!(of(&early, &step, 600).stepped.mistakes, [77]);
+    }
+
+    #[test]
+    fn single_stamps_that_are_a_little_ahead_are_mistakes_where_no_delay_explains_them() {
+        let at = |seconds: f64| Time::from_secs_f64(1000.0 + seconds);
+        let of = |stamp: &dyn Fn(u64) -> f64, came: &dyn Fn(u64) -> f64| {
+            let mut offsets = Offsets::default();
+            (0..600).for_each(|number| offsets.add(number, at(stamp(number)), at(came(number))));
+            offsets.finish()
+        };
+        let step = |number: u64| 0.04 * number as f64;
+        let mistakes = |stamp: &dyn Fn(u64) -> f64, came: &dyn Fn(u64) -> f64| {
+            // Another topic has the time of recording.
+            let mut measured = [of(stamp, came), of(&step, &step)];
+            add_early(&[topic("/people"), topic("/odom")], &mut measured);
+            measured[0].take().map(|offset| offset.stepped.mistakes.len())
+        };
+        let few = |number: u64| if number % 40 == 20 { 0.8 } else { 0.0 };
+        assert_eq!(mistakes(&|number| step(number) + few(number), &step), Some(15));
+        let seldom = |number: u64| step(25 * number);
+        assert_eq!(mistakes(&|number| seldom(number) + few(number), &seldom), Some(15));
+        // The other clock comes seldom, or was set; or most messages came late.
+        assert_eq!(mistakes(&step, &|number| step(number).floor()), Some(0));
+        for from in [10, 500, 570] {
+            let set = |number: u64| step(number) - if number > from { 0.8 } else { 0.0 };
+            assert_eq!(mistakes(&step, &set), Some(0), "{from}");
+        }
+        assert_eq!(mistakes(&step, &|number| step(number) + 0.8 - few(number)), Some(0));
+        // The recorder's times are uneven.
+        assert_eq!(mistakes(&step, &|number| step(number) + 0.1 * (number * 7 % 10) as f64 - 0.5), Some(0));
     }
 }

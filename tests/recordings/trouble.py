@@ -227,6 +227,11 @@ def ahead_from(first, by, last=10**9):
     return lambda i, t: t + (by if first <= i < last else 0.0)
 
 
+def ahead_at(every, by):
+    """Single stamps that are ahead."""
+    return lambda i, t: t + (by if i % every == 5 else 0.0)
+
+
 # Sentences are said, or not where they begin with `!`. In place of a number of cells: they are what counts.
 SAID = "said"
 MENDED = ["--clock", "/people=recording"]
@@ -237,6 +242,13 @@ TROUBLES = {
     "jitter": (Walk(seen=jitter), [], 295, 1, []),
     "lost": (Walk(seen=lambda i: None if i % 10 == 3 else jitter(i)), [], 295, 1, []),
     "glitch": (Walk(stamp=lambda i, t: t + (3e8 if 300 <= i < 306 else 0)), [], 290, 1, ["6 of 750 messages of /people"]),
+    "a_little_ahead": (Walk(stamp=ahead_at(20, 0.8)), [], 290, 1, ["38 of 750 messages of /people", "or 0.25 s ahead"]),
+    "a_little_ahead_by_clock": (
+        Walk(clock=ticks, stamp=ahead_at(20, 0.8)), [], 290, 1, ["38 of 750 messages of /people"]),
+    "a_little_ahead_at_2_hz": (
+        Walk(seen=lambda i: 0.5 * i if i < 60 else None, stamp=ahead_at(12, 0.4)), [], SAID, 0, ["5 of 60 messages of /people"]),
+    "recorder_set_back": (Walk(recorded=lambda t: t - 0.8 if t > 20 else t), [], 290, 1, ["!and are left out"]),
+    "often_ahead": (Walk(stamp=ahead_at(6, 0.8)), [], None, 0, ["124 of 750 messages of /people are stamped far", FLAG]),
     "clock_glitch": (  # no jump of the topics that came just after it
         Walk(clock=lambda i: ticks(i) + (2e6 if i == 701 else 0), robot_came=lambda i, t: t + 0.025), [], 295, 1,
         ["1 of 1650 messages of /clock", "!most seconds without"]),
