@@ -430,7 +430,7 @@ impl Data {
             let reason = format!("it is for tables of trajectories ({} trajectories)", Named("format"));
             return Err(Error::param(flag, reason));
         }
-        let (files, _made) = tables_of(args, interrupt, quiet, keep)?;
+        let (files, _made, notes) = tables_of(args, interrupt, quiet, keep)?;
         let besides = args.how.part.columns();
         let read = match with_facts(args, &files, settings)? {
             Some(data) => data,
@@ -440,7 +440,10 @@ impl Data {
             }
         };
         let variables = if besides.is_empty() { None } else { args.how.read.variables(read.recorded)? };
-        args.how.part.part(read, &args.changes, variables.as_deref(), &args.how.read)
+        let mut data = args.how.part.part(read, &args.changes, variables.as_deref(), &args.how.read)?;
+        // They were printed before.
+        data.warnings.extend(notes);
+        Ok(data)
     }
 
     /// Tables with the same columns, each as a recording.
@@ -571,27 +574,28 @@ fn with_facts(args: &Args, files: &[Input], settings: &mut Settings) -> Result<O
 }
 
 /// The files to analyse: the user's own, and the batches made from the user's recordings. Those are in a folder that is removed
-/// with the returned handle, and also in `keep`.
+/// with the returned handle, and also in `keep`. What was said of the recordings' clocks.
 fn tables_of(
     args: &Args,
     interrupt: &Interrupt,
     quiet: bool,
     keep: Option<&Path>,
-) -> Result<(Vec<Input>, Option<tempfile::TempDir>)> {
+) -> Result<(Vec<Input>, Option<tempfile::TempDir>, Vec<String>)> {
     if !args.files.iter().any(|file| recording::is_recording(file)) {
         if let Some(flag) = args.how.inputs.given() {
             return Err(Error::param(flag, "it is for recordings; these files are tables"));
         }
         let inputs = args.files.iter().enumerate().map(|(run, file)| Input::of_table(file, run));
-        return Ok((inputs.collect::<Result<Vec<_>>>()?.concat(), None));
+        return Ok((inputs.collect::<Result<Vec<_>>>()?.concat(), None, Vec::new()));
     }
     let temporary = tempfile::tempdir().map_err(|e| Error::file(std::env::temp_dir(), e))?;
     interrupt.remove_at_end(temporary.path().to_path_buf());
-    let mut files = Vec::new();
+    let (mut files, mut notes) = (Vec::new(), Vec::new());
     for (number, file) in args.files.iter().enumerate() {
         if recording::is_recording(file) {
             let inputs = args.how.inputs.with_param(args.how.read.as_parameter());
             let source = Source::open(file, &inputs, args.how.means.max_bytes())?;
+            notes.extend(source.inputs.clocks.notes.iter().cloned());
             let folder = temporary.path().join(format!("{}", number + 1));
             for batch in source.batches(&folder, interrupt, quiet)? {
                 if let Some(folder) = keep {
@@ -603,5 +607,5 @@ fn tables_of(
             files.extend(Input::of_table(file, number)?);
         }
     }
-    Ok((files, Some(temporary)))
+    Ok((files, Some(temporary), notes))
 }

@@ -144,7 +144,10 @@ fn a_few_mistaken_stamps_are_left_out_and_counted_however_far_they_are() {
         let glitch = |number: u32| step(number) + if (300..306).contains(&number) { far } else { 0.0 };
         Walk { people_stamp: &glitch, ..SOUND }.write(&dir.path().join("glitch.mcap"));
         let (text, success, batches) = discover(dir.path(), &["glitch.mcap"]);
-        assert!(success && text.contains("6 of 750 messages of /people are stamped more than 1 s"), "{text}");
+        let note = "6 of 750 messages of /people are stamped more than 1 s";
+        assert!(success && text.contains(note), "{text}");
+        let model = fs::read_to_string(dir.path().join("out/model.json")).expect("a model");
+        assert!(model.contains(note), "{model}");
         assert!(batches.len() == 1 && rows(&batches).len() == whole, "{far}: {text}");
     }
 }
