@@ -414,16 +414,28 @@ fn check(path: &Path, topics: &[Topic], measured: &[Option<Offset>]) -> Result<V
         }
         let most_ahead = if is_tf(topic) { TF_AHEAD_S } else { AHEAD_S };
         let off = match offset.median_s {
-            off if off > most_ahead => Some(("ahead of", "so it has another clock")),
+            off if off > most_ahead => {
+                Some(("ahead of", "so it has another clock, by which the others are too late"))
+            }
             off if off < -BEHIND_S && offset.spread_s < AHEAD_S => {
                 Some(("behind", "so all of it came late, which is believed, or it has another clock"))
             }
             _ => None,
         };
-        if let Some(((off, why), exact)) = off.zip(other(&|of| of.median_s.abs() < AHEAD_S / 2.0)) {
+        let is_exact = |of: &Offset| of.median_s.abs() < AHEAD_S / 2.0;
+        let exact = other(&is_exact);
+        if let Some(((off, why), exact)) = off.zip(exact) {
             notes.push(format!(
                 "{file}: the stamps of {name} are {:.2} s {off} the time of recording, those of {exact} are not, {why}; {instead}",
                 offset.median_s.abs()
+            ));
+        }
+        let rest = known.iter().filter(|(of, _)| of != topic && !is_tf(of)).map(|(_, of)| of.median_s);
+        let ahead_s = offset.median_s - rest.reduce(f64::max).unwrap_or(f64::MAX);
+        if exact.is_none() && !is_exact(offset) && !is_tf(topic) && ahead_s > BEHIND_S {
+            notes.push(format!(
+                "{file}: against the time of recording, the stamps of {name} are {ahead_s:.2} s ahead of all others: it has another clock, \
+                 or the others came late; --clock recording uses that time instead of all stamps"
             ));
         }
         if 2 * offset.same > offset.count && !is_tf(topic) {

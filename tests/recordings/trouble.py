@@ -283,6 +283,9 @@ TROUBLES = {
     "a_little_back": (Walk(stamp=ahead_from(375, -2.0)), [], SAID, 0, ["stamps of /people move by 2.0 s", FLAG]),
     "slow_clock": (Walk(stamp=lambda i, t: 0.9 * t), [], SAID, 0, ["stamps of /people move by 2.", FLAG]),
     "ahead": (Walk(stamp=ahead_from(0, 0.6)), [], SAID, 0, ["stamps of /people are 0.60 s ahead", FLAG]),
+    "ahead_of_late_ones": (
+        Walk(stamp=ahead_from(0, 3.0), robot_came=lambda i, t: t + 0.4), [], SAID, 0,
+        ["stamps of /people are 3.40 s ahead of all others", "--clock recording"]),
     "whole_seconds": (Walk(stamp=lambda i, t: math.floor(t)), [], SAID, 0, ["of 750 messages of /people have the stamp of the one before"]),
     "tf_clock": (
         Walk(frame="odom", tf_every=1, tf_stamp=lambda t: t + 4.0), [], SAID, 0, ["stamps of /tf are 4.00 s ahead", "--clock /tf=recording"]),
