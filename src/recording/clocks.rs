@@ -114,11 +114,7 @@ impl Offsets {
             self.kept.push(offset_s);
         }
         if self.kept.len() > MOST_KEPT {
-            let mut number = 0;
-            self.kept.retain(|_| {
-                number += 1;
-                number % 2 == 1
-            });
+            self.kept = self.kept.iter().copied().step_by(2).collect();
             self.every *= 2;
         }
         self.count += 1;
@@ -268,9 +264,7 @@ impl Clocks {
                 // What differs from the one before may be a mistake.
                 now = last.replace(next).is_none_or(|before| follows(before, next)).then_some(stamp);
                 clock.add(next);
-                if first.len() < CONFIRMED {
-                    first.push((record.topic, number, stamp));
-                }
+                first.extend((number < ENOUGH).then_some((record.topic, number, stamp)));
                 continue;
             }
             if is_fixed(topic) {
@@ -284,9 +278,8 @@ impl Clocks {
                 continue;
             }
             let number = number(&mut numbers, &record);
-            if !has_clock && first.len() < CONFIRMED {
-                first.push((record.topic, number, record.stamp));
-            }
+            let is_early = !has_clock && number < ENOUGH;
+            first.extend(is_early.then_some((record.topic, number, record.stamp)));
             let stamp = if moves(topic) {
                 let message = topic.decode::<TFMessage>(&record.bytes).unwrap_or_default();
                 intervals.entry(record.topic).or_default().add(&message);

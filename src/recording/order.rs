@@ -109,18 +109,8 @@ pub(super) struct InOrder<'a> {
 impl<'a> InOrder<'a> {
     /// In the order of recording.
     pub(super) fn new(recording: &'a mut Recording) -> Self {
-        Self {
-            recording,
-            lead: None,
-            most: 0.0,
-            waiting: BTreeMap::new(),
-            count: 0,
-            last: BTreeMap::new(),
-            first: None,
-            newest: None,
-            clock: None,
-            at_end: false,
-        }
+        let (most, waiting, count, last, first, newest, clock, at_end) = Default::default();
+        Self { recording, lead: None, most, waiting, count, last, first, newest, clock, at_end }
     }
 
     /// In that of the stamps, before the first message is read.
@@ -159,10 +149,7 @@ impl<'a> InOrder<'a> {
             self.newest = Some(self.newest.map_or(came, |newest| newest.max(came)));
             let first = *self.first.get_or_insert(came);
             let (lead, stamp) = self.lead.map_or((0.0, None), |lead| lead.of(&record, now));
-            record.stamp = came;
-            if lead > 0.0 {
-                record.stamp = came.plus_secs(-lead).max(first);
-            }
+            record.stamp = if lead > 0.0 { came.plus_secs(-lead).max(first) } else { came };
             if let Some(stamp) = stamp {
                 // What is not stamped before the last message of its topic stays behind it.
                 let last = self.last.entry(record.topic).or_insert((stamp, record.stamp));
