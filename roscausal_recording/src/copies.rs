@@ -11,6 +11,7 @@ use roscausal_msgs::{TypeVisitor, cdr, visit};
 
 use crate::{
     formats::open_file,
+    laps::BACK_S,
     recording::Recording,
     source::Source,
     topic::{Encoding, Record, Topic},
@@ -21,35 +22,39 @@ const SAME: f64 = 0.9;
 /// After this many messages, files that are not copies are told.
 const SOON: u64 = 1000;
 
-/// The files that are copies of others, by their index, each with a sentence.
-pub(crate) fn left_out(files: &[(PathBuf, Box<dyn Source>)]) -> Vec<(usize, String)> {
-    let mut found: Vec<(usize, String)> = Vec::new();
+/// The files that are copies of others, by their index: up to which time, the latest of all for whole ones, and a sentence.
+pub(crate) fn left_out(files: &[(PathBuf, Box<dyn Source>)]) -> Vec<(usize, Time, String)> {
+    let mut found: Vec<(usize, Time, String)> = Vec::new();
     for (first, (path, source)) in files.iter().enumerate() {
         for (second, (other_path, other)) in files.iter().enumerate().skip(first + 1) {
-            let gone = |index: usize| found.iter().any(|(copy, _)| *copy == index);
+            let gone =
+                |index: usize| found.iter().any(|(copy, until, _)| (*copy, *until) == (index, Time::MAX));
             if gone(first) || gone(second) || !may_be_copies(source.as_ref(), other.as_ref()) {
                 continue;
             }
-            let (index, copy, of) = match is_first_a_copy(path, other_path) {
-                Some(true) => (first, path, other_path),
-                Some(false) => (second, other_path, path),
-                None => continue,
-            };
+            let spans = source.span().zip(other.span()).unwrap_or_default();
+            let Some((is_first, until)) = is_first_a_copy(path, other_path, spans) else { continue };
+            let (index, copy, of) =
+                if is_first { (first, path, other_path) } else { (second, other_path, path) };
             let name = of.file_name().unwrap_or_default().to_string_lossy();
-            let sentence = format!("{}: it holds the messages of {name}, so it is left out", copy.display());
-            found.push((index, sentence));
+            let what = match until == Time::MAX {
+                true => format!("it holds the messages of {name}, so it is left out"),
+                false => format!("its first messages are the last ones of {name}, and count once"),
+            };
+            found.push((index, until, format!("{}: {what}", copy.display())));
         }
     }
     found
 }
 
-/// Whether they share topics, and most of the time of the shorter one. Parts of one recording follow each other.
+/// Whether they share topics, and most of the time of the shorter one or more than a moment. Parts of one recording follow each other.
 fn may_be_copies(a: &dyn Source, b: &dyn Source) -> bool {
     let (Some((a_start, a_end)), Some((b_start, b_end))) = (a.span(), b.span()) else { return false };
     let shared = a_end.min(b_end).secs_since(a_start.max(b_start));
     let shorter = a_end.secs_since(a_start).min(b_end.secs_since(b_start));
     let same = |topic: &Topic| b.topics().iter().any(|other| is_same(topic, other));
-    shared >= 0.0 && shared >= 0.5 * shorter && a.topics().iter().any(same)
+    let may_overlap = shared > BACK_S && a.laps() == 1 && b.laps() == 1;
+    (may_overlap || (shared >= 0.0 && shared >= 0.5 * shorter)) && a.topics().iter().any(same)
 }
 
 /// Whether two files have the topic. Converters may put a slash before its name.
@@ -58,15 +63,18 @@ fn is_same(a: &Topic, b: &Topic) -> bool {
 }
 
 /// If one of two files is a copy of the other, or of a part of it: whether it is the first. It is the one with fewer messages; of equal
-/// ones `x.orig.bag`, then the second.
-fn is_first_a_copy(first: &Path, second: &Path) -> Option<bool> {
+/// ones `x.orig.bag`, then the second. If the later one only begins with what the earlier one ends with, it is a copy up to that end.
+fn is_first_a_copy(first: &Path, second: &Path, (a_span, b_span): (Span, Span)) -> Option<(bool, Time)> {
     let mut a = Messages::of(first)?;
     let mut b = Messages::of(second)?;
-    let (mut shared, mut counted) = (0, [0, 0]);
+    let (is_later, end) = (a_span.0 > b_span.0, a_span.1.min(b_span.1));
+    let (mut shared, mut counted, mut overlapping) = (0, [0, 0], 0);
     while let Some(stamp) = a.next_stamp().into_iter().chain(b.next_stamp()).min() {
         let (ours, theirs) = (a.at(stamp), b.at(stamp));
         counted[0] += ours.len() as u64;
         counted[1] += theirs.len() as u64;
+        let of_later = if is_later { ours.len() } else { theirs.len() };
+        overlapping += if stamp <= end { of_later as u64 } else { 0 };
         shared += shared_of(&a.topics, &ours, &b.topics, theirs);
         let least = counted[0].min(counted[1]);
         let both_go_on = a.next_stamp().is_some() && b.next_stamp().is_some();
@@ -75,11 +83,14 @@ fn is_first_a_copy(first: &Path, second: &Path) -> Option<bool> {
         }
     }
     if (shared as f64) < SAME * counted[0].min(counted[1]) as f64 || shared == 0 {
-        return None;
+        return (shared > 0 && shared == overlapping).then_some((is_later, end));
     }
     let is_original = first.to_string_lossy().contains(".orig.");
-    Some(counted[0] < counted[1] || (counted[0] == counted[1] && is_original))
+    Some((counted[0] < counted[1] || (counted[0] == counted[1] && is_original), Time::MAX))
 }
+
+/// First and last time of recording.
+type Span = (Time, Time);
 
 /// The messages of a file, moment by moment.
 struct Messages {

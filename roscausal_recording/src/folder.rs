@@ -47,6 +47,8 @@ struct File {
     topics: Vec<usize>,
     /// The first lap of the file.
     lap: u32,
+    /// What was recorded up to then is in another file.
+    after: Option<Time>,
 }
 
 const EXTENSIONS: [&str; 3] = ["bag", "mcap", "db3"];
@@ -137,12 +139,14 @@ impl Folder {
         let metadata = Metadata::of(path);
         losses.extend(metadata.missing());
         let copies = left_out(&opened);
-        losses.extend(copies.iter().map(|(_, sentence)| sentence.clone()));
+        losses.extend(copies.iter().map(|(.., sentence)| sentence.clone()));
         let mut whole = Self { files: Vec::new(), topics: Topics::default(), counts: Vec::new() };
         for (number, (_, source)) in opened.into_iter().enumerate() {
-            if copies.iter().all(|(copy, _)| *copy != number) {
+            let of_file = copies.iter().filter(|(copy, ..)| *copy == number);
+            let after = of_file.map(|(_, until, _)| *until).max();
+            if after != Some(Time::MAX) {
                 let topics = source.topics().iter().map(|topic| whole.topics.add(topic.clone())).collect();
-                whole.files.push(File { source, topics, lap: 0 });
+                whole.files.push(File { source, topics, lap: 0, after });
             }
         }
         losses.extend(metadata.lost(whole.files.iter().map(|file| file.source.held()).sum()));
@@ -182,7 +186,8 @@ impl Folder {
 impl File {
     /// Whether the files share more than a moment, and one has all topics of the other.
     fn is_at_the_time_of(&self, other: &Self) -> bool {
-        let spans = self.source.span().zip(other.source.span());
+        let span = |file: &Self| file.source.span().map(|(start, end)| (file.after.unwrap_or(start), end));
+        let spans = span(self).zip(span(other));
         let shared = spans.map_or(0.0, |(a, b)| a.1.min(b.1).secs_since(a.0.max(b.0)));
         let within = |a: &Self, b: &Self| a.topics.iter().all(|topic| b.topics.contains(topic));
         shared > BACK_S && (within(self, other) || within(other, self))
@@ -204,10 +209,12 @@ impl Source for Folder {
 
     fn load(&mut self, wanted: &[bool], out: &mut Vec<Record>) -> std::result::Result<(), String> {
         let Some((_, index)) = self.earliest() else { return Ok(()) };
-        let File { source, topics, lap } = &mut self.files[index];
+        let File { source, topics, lap, after } = &mut self.files[index];
         let wanted: Vec<_> = topics.iter().map(|topic| wanted[*topic]).collect();
         let first = out.len();
         let loaded = source.load(&wanted, out);
+        let own: Vec<Record> = out.drain(first..).filter(|record| Some(record.stamp) > *after).collect();
+        out.extend(own);
         for record in &mut out[first..] {
             (record.topic, record.lap) = (topics[record.topic], record.lap + *lap);
         }

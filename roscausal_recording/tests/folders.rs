@@ -109,6 +109,20 @@ fn the_more_complete_of_two_copies_counts() {
 }
 
 #[test]
+fn what_two_overlapping_parts_hold_counts_once() {
+    for [early, late] in [["a.mcap", "b.mcap"], ["b.mcap", "a.mcap"]] {
+        let folder = tempfile::tempdir().unwrap();
+        part(&folder.path().join(early), 0, 100);
+        part(&folder.path().join(late), 60, 100);
+        let (count, losses) = read(folder.path());
+        assert_eq!(count, 160, "{losses:?}");
+        let note = format!("{late}: its first messages are the last ones of {early}, and count once");
+        assert!(losses.len() == 1 && losses[0].ends_with(&note), "{losses:?}");
+        assert_eq!(Recording::open(folder.path()).unwrap().laps(), 1);
+    }
+}
+
+#[test]
 fn parts_in_any_order_of_their_names_are_no_copies() {
     let folder = tempfile::tempdir().unwrap();
     part(&folder.path().join("run_10.mcap"), 50, 50);

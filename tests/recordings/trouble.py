@@ -180,6 +180,20 @@ def in_parts(folder, name, ending, events, types):
     return whole
 
 
+def overlapping(folder, name, ending, events, types):
+    """A folder of two parts that share a third."""
+    whole = folder / f"{name}_{ending}_parts"
+    shutil.rmtree(whole, ignore_errors=True)
+    whole.mkdir()
+    third = len(events) // 3
+    for number in range(2):
+        written = write(folder, f"{name}_{number}", ending, events[number * third : (number + 2) * third], types)
+        if ending == "db3":
+            written = next(written.glob("*.db3"))
+        written.rename(whole / f"{name}_{number}.{ending}")
+    return whole
+
+
 class Run:
     """What `discover` prints, and the rows that it makes."""
 
@@ -315,6 +329,7 @@ def main():
         # A bag of ROS 1 has no list of its parts.
         named = [] if ending == "bag" else ["missing_1.", "messages that it counts are not there"]
         runs.append(("missing", Walk(), [], 190, 1, named, in_parts))
+        runs.append(("overlap", Walk(), [], 295, 1, ["count once"], overlapping))
         for name, walk, flags, cells, batches, sentences, writes in runs:
             path = writes(folder, name, ending, messages(scene, walk), scene.types)
             run = Run(roscausal, path, flags)
