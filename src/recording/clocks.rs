@@ -70,7 +70,7 @@ pub(crate) struct Offset {
     least_s: f64,
     /// Messages with a stamp.
     pub(crate) count: u64,
-    /// Those of them that have the stamp of the one before.
+    /// Those of them that have the stamp of the one before, or hardly a later one.
     same: u64,
     /// Mistaken stamps and jumps.
     pub(crate) stepped: Stepped,
@@ -122,7 +122,8 @@ impl Offsets {
         if let Some(last) = self.last.replace(next) {
             let step_s = stamp.secs_since(last.stamp);
             let before_s = std::mem::replace(&mut self.step_s, step_s);
-            self.same += u64::from(step_s == 0.0);
+            let is_tiny = (0.0..1e-3).contains(&step_s) && 20.0 * step_s < came.secs_since(last.came);
+            self.same += u64::from(step_s == 0.0 || is_tiny);
             let ahead = last.stamp.as_nanos() - last.came.as_nanos();
             self.ahead.push(Reverse((ahead, last.number, step_s < before_s / 4.0)));
             if self.ahead.len() as u64 > (self.count / 2 + ENOUGH).min(MOST_AHEAD) {
@@ -433,7 +434,8 @@ fn check(path: &Path, topics: &[Topic], measured: &[Option<Offset>]) -> Result<V
         }
         if 2 * offset.same > offset.count && !is_tf(topic) {
             notes.push(format!(
-                "{file}: {} of {} messages of {name} have the stamp of the one before, and only the first of a stamp counts; {instead}",
+                "{file}: {} of {} messages of {name} have the stamp of the one before, or hardly a later one, and only the first of a \
+                 stamp counts; {instead}",
                 offset.same, offset.count
             ));
         }

@@ -301,6 +301,8 @@ TROUBLES = {
         Walk(stamp=ahead_from(0, 3.0), robot_came=lambda i, t: t + 0.4), [], SAID, 0,
         ["stamps of /people are 3.40 s ahead of all others", "--clock recording"]),
     "whole_seconds": (Walk(stamp=lambda i, t: math.floor(t)), [], SAID, 0, ["of 750 messages of /people have the stamp of the one before"]),
+    "microseconds": (  # in the place of nanoseconds
+        Walk(stamp=lambda i, t: math.floor(t) + 1e-3 * (t % 1)), [], SAID, 0, ["720 of 750 messages of /people have the stamp of the one before"]),
     "tf_clock": (
         Walk(frame="odom", tf_every=1, tf_stamp=lambda t: t + 4.0), [], SAID, 0, ["stamps of /tf are 4.00 s ahead", "--clock /tf=recording"]),
     "tf_clock_mended": (
