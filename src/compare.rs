@@ -64,6 +64,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         say!("{} only in {name}", links.len());
         links.iter().for_each(|link| say!("  {}", report::sentence(model, link)));
     }
+    if !(difference.only_a.is_empty() && difference.only_b.is_empty()) {
+        say!("A link that only one model has is no proof of a change: it may be missing in the");
+        say!("other by chance. `roscausal roll --changes` tests what changed.");
+    }
     let Some(results) = results else { return Ok(()) };
     let both: Vec<&Link> = difference.both.iter().map(|(in_a, _)| *in_a).collect();
     let Difference { only_a, only_b, .. } = &difference;

@@ -1,14 +1,4 @@
-// The causal graph of a model, compared with the one before: the engine's own pictures, whose links can be asked.
-
-const key = (link) => `${link.cause}\n${link.effect}\n${link.lag}`;
-
-/** The links of `model`, with `state` new or same, and those links of `before` that are gone. */
-export function compared(model, before) {
-  const had = new Set((before?.links ?? []).map(key));
-  const has = new Set(model.links.map(key));
-  const links = model.links.map((link) => ({ ...link, state: before && !had.has(key(link)) ? "new" : "same" }));
-  return [...links, ...(before?.links ?? []).filter((link) => !has.has(key(link))).map((link) => ({ ...link, state: "gone" }))];
-}
+// The causal graph of a model: the engine's own pictures, whose links can be asked.
 
 /** A link as a sentence. */
 export function sentence(link, { dt, smallest_p: smallest }) {
@@ -57,22 +47,20 @@ function behind(arrow, line, kind) {
   arrow.insertBefore(copy, line);
 }
 
-/** Shows the graph of `model`. An arrow that is asked calls `ask` with its strongest link. */
-export function showGraph(place, picture, model, before, ask) {
-  const links = compared(model, before);
+/** Shows the graph of `model`, with a halo for what `changes` name. An arrow that is asked calls `ask` with its strongest link. */
+export function showGraph(place, picture, model, changes, ask) {
   const words = model.links.map((link) => link.words ?? `${link.cause} at lag ${link.lag} drives ${link.effect}`).join("; ");
   put(place, picture, `Causal graph of model ${model.number}: ${words || "no links"}`);
   for (const arrow of place.querySelectorAll(".link")) {
-    const own = links.filter((link) => link.cause === arrow.dataset.cause && link.effect === arrow.dataset.effect);
-    const here = own.filter((link) => link.state !== "gone");
+    const joins = (link) => link.cause === arrow.dataset.cause && link.effect === arrow.dataset.effect;
+    const here = model.links.filter(joins);
     const [line, strongest] = [arrow.querySelector("path"), here.reduce((a, b) => (Math.abs(b.value) > Math.abs(a.value) ? b : a), here[0])];
-    if (own.length && !strongest) arrow.classList.add("gone");
     if (!strongest) continue;
     if (!line) {
       arrow.addEventListener("click", () => ask(strongest));
       continue;
     }
-    if (here.some((link) => link.state === "new")) behind(arrow, line, "halo");
+    if (changes.some(joins)) behind(arrow, line, "halo");
     behind(arrow, line, "reach");
     askable(arrow, strongest, sentence(strongest, model), ask);
   }

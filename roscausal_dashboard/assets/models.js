@@ -2,21 +2,26 @@
 
 import { $, clock, make } from "./draw.js";
 import { showEvidence } from "./evidence.js";
-import { compared, pictures, sentence, showGraph, showMatrix } from "./graph.js";
+import { pictures, sentence, showGraph, showMatrix } from "./graph.js";
 
 /** Evidence of models by their batch, newest last. */
 const evidence = new Map();
 const MOST_EVIDENCE = 20;
 
 let models = [];
+/** Change events of the discovery node, where it sends them: it alone tells a change from chance. */
+let changes = [];
 let shown = 0;
 let following = true;
 
 /** After a reconnect the server sends everything again. */
-export function restart() { models = []; }
+export function restart() { [models, changes] = [[], []]; }
 
 /** All models that are known, oldest first. */
 export const known = () => models;
+
+/** All changes that are known. */
+export const changed = () => changes;
 
 export function addEvidence(data) {
   evidence.delete(data.batch);
@@ -25,15 +30,9 @@ export function addEvidence(data) {
   if (models[shown]?.batch === data.batch) showConclusion(data.batch);
 }
 
-/** How a model differs from the one before it. */
-export function changesOf(index) {
-  const [model, before] = [models[index], models[index - 1]];
-  if (!before) return [];
-  const told = (state) => compared(model, before).filter((link) => link.state === state);
-  return [["new", "appeared"], ["gone", "vanished"]].flatMap(([kind, word]) => {
-    const links = told(kind).map((link) => `${link.cause} to ${link.effect} (lag ${link.lag})`);
-    return links.length ? [{ t: model.t, kind, text: `model ${model.number}: ${word}: ${links.join("; ")}` }] : [];
-  });
+export function addChange(change) {
+  changes.push(change);
+  if (models[shown]?.batch === change.batch) showModel();
 }
 
 export function addModel(model) {
@@ -50,9 +49,10 @@ function showConclusion(batch) {
 }
 
 function showModel() {
-  const [model, before] = [models[shown], models[shown - 1]];
+  const model = models[shown];
   if (!model) return;
-  drawModel(model, before);
+  const confirmed = changes.filter((change) => change.kind === "confirmed" && change.batch === model.batch);
+  drawModel(model, confirmed);
   showConclusion(model.batch);
   $("model-title").textContent = `Model ${model.number}, ${clock(model.t)}: ${model.method.toUpperCase()} with ${model.test.toUpperCase()}, ${model.level_name} ${model.level ?? "chosen by a score"}, ${model.samples} samples from ${model.batch}`;
   const slider = $("history");
@@ -64,25 +64,19 @@ function showModel() {
   $("later").disabled = shown === models.length - 1;
   $("newest").disabled = models.length < 2;
   $("newest").setAttribute("aria-pressed", String(following));
-  const links = compared(model, before);
-  anew($("links"), () => $("links").replaceChildren(...links.map((link) => {
+  anew($("links"), () => $("links").replaceChildren(...confirmed.map((change) => make("li", change.text, "new")), ...model.links.map((link) => {
     const item = document.createElement("li");
-    if (link.state !== "same") item.append(make("span", link.state === "new" ? "appeared: " : "vanished: ", link.state));
-    if (link.state === "gone") {
-      item.append(sentence(link, model));
-      return item;
-    }
     const button = Object.assign(make("button", sentence(link, model), "asking"), { type: "button" });
     button.dataset.link = `${link.cause} ${link.effect} ${link.lag}`;
     button.addEventListener("click", () => ask(link));
     item.append(button);
     return item;
   })));
-  if (!links.length) $("links").replaceChildren(make("li", "no causal link found", ""));
+  if (!model.links.length) $("links").append(make("li", "no causal link found", ""));
 }
 
 /** The pictures of a model, unless another one is shown by the time they come. Of many at once, as on a slider, only the last is asked for. */
-async function drawModel(model, before) {
+async function drawModel(model, confirmed) {
   await new Promise((done) => setTimeout(done, 50));
   const drawn = models[shown] === model && await pictures(model);
   if (models[shown] !== model) return;
@@ -91,7 +85,7 @@ async function drawModel(model, before) {
     $("graph").replaceChildren(make("p", "The server has no picture of this model; its links are listed below."));
     return;
   }
-  anew($("graph"), () => showGraph($("graph"), drawn.graph, model, before, ask));
+  anew($("graph"), () => showGraph($("graph"), drawn.graph, model, confirmed, ask));
   if (drawn.matrix) anew($("matrix"), () => showMatrix($("matrix"), drawn.matrix, model, ask));
 }
 

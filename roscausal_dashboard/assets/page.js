@@ -3,7 +3,7 @@
 import { Ahead } from "./ahead.js";
 import { Charts } from "./charts.js";
 import { $, clock } from "./draw.js";
-import { addEvidence, addModel, changesOf, known, restart } from "./models.js";
+import { addChange, addEvidence, addModel, changed, known, restart } from "./models.js";
 import { Moments } from "./moments.js";
 import { addMessage, showStatus } from "./nodes.js";
 import { Scene } from "./scene.js";
@@ -19,8 +19,6 @@ const timeline = new Timeline($("timeline"), (t) => moments.seek(t));
 const charts = new Charts($("charts"), $("variables"), (t) => moments.seek(t), () => timeline.imposed());
 const ahead = new Ahead(charts);
 let ended = "";
-/** Change events of the discovery node, where it sends them. */
-let changes = [];
 
 function connect() {
   const source = new EventSource("events");
@@ -29,7 +27,6 @@ function connect() {
     restart();
     timeline.restart();
     ahead.restart();
-    changes = [];
     $("messages").replaceChildren();
     ended = "";
     state("live", "live");
@@ -55,7 +52,7 @@ function connect() {
   });
   on("evidence", addEvidence);
   on("change", (change) => {
-    changes.push(change);
+    addChange(change);
     marks();
   });
   on("message", (message) => {
@@ -77,7 +74,7 @@ function connect() {
 
 function marks() {
   timeline.models = known();
-  timeline.changes = [...known().flatMap((_, index) => changesOf(index)), ...changes];
+  timeline.changes = changed();
   // After the end no scene comes that would draw it.
   timeline.draw();
 }

@@ -86,7 +86,7 @@ export class Timeline {
       point(1, model.t, "model", `model ${model.number}: ${model.links.length} links`, (x, y) => `M ${x} ${y - 6} l 5 6 l -5 6 l -5 -6 Z`);
     }
     for (const { name, from, to } of this.imposed()) span(2, from, to, "imposed", `${name}: ${clock(from)} to ${clock(to)}`);
-    for (const change of this.changes) point(3, change.t, `change ${change.kind ?? ""}`, change.text, (x, y) => (change.kind === "gone" ? `M ${x - 4} ${y - 4} l 8 8 m 0 -8 l -8 8` : `M ${x} ${y - 5} v 10 M ${x - 5} ${y} h 10`));
+    for (const change of this.changes) point(3, change.t, `change ${change.kind ?? ""}`, change.text, (x, y) => `M ${x} ${y - 5} v 10 M ${x - 5} ${y} h 10`);
     const begins = this.changes.filter((change) => change.regime).map((change) => change.t).sort((a, b) => a - b);
     const regimes = begins.length ? [this.first, ...new Set(begins)] : [];
     regimes.forEach((from, i) => {

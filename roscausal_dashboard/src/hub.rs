@@ -105,11 +105,9 @@ impl Hub {
         }
     }
 
-    /// A model, and the one before it.
-    pub(crate) fn model(&self, number: u64) -> Option<(Model, Option<Model>)> {
-        let models = lock(&self.models);
-        let model = models.get(&number)?.clone();
-        Some((model, models.range(..number).next_back().map(|(_, before)| before.clone())))
+    /// A model.
+    pub(crate) fn model(&self, number: u64) -> Option<Model> {
+        lock(&self.models).get(&number).cloned()
     }
 
     /// Who answers readers' questions from now on.

@@ -152,7 +152,10 @@ impl World {
             let (from, to) = (change.changed_from.as_secs_f64(), change.changed_to.as_secs_f64());
             let t = if confirmed && to > 0.0 { 0.5 * (from + to) } else { change.told.as_secs_f64() };
             let kind = ["suspected", "confirmed", "withdrawn"].get(usize::from(change.status)).unwrap_or(&"");
-            let data = json!({"t": t, "kind": kind, "text": change.description, "regime": confirmed});
+            let data = json!({
+                "t": t, "kind": kind, "text": change.description, "regime": confirmed,
+                "batch": change.batch_id, "cause": change.cause, "effect": change.effect,
+            });
             hub.send(Frame { kind: "change", data: data.to_string().into() }, Keep::All);
         }
     }
@@ -362,6 +365,9 @@ mod tests {
             changed_from: Time::from_secs_f64(if status == ModelChange::CONFIRMED { 10.0 } else { 0.0 }),
             changed_to: Time::from_secs_f64(if status == ModelChange::CONFIRMED { 14.0 } else { 0.0 }),
             description: "a no longer drives b".into(),
+            cause: "a".into(),
+            effect: "b".into(),
+            batch_id: "batch_2".into(),
             ..ModelChange::default()
         };
         let (first, second) = (change(ModelChange::SUSPECTED), change(ModelChange::CONFIRMED));
@@ -374,6 +380,10 @@ mod tests {
         let of = |json: &Json| (json["t"].as_f64().unwrap(), json["regime"].as_bool().unwrap());
         assert_eq!(marks.iter().map(of).collect::<Vec<_>>(), [(30.0, false), (12.0, true)]);
         assert_eq!(frames.iter().filter(|frame| frame.kind == "message").count(), 2);
+        // By these the page finds the model and the arrow.
+        for (key, value) in [("batch", "batch_2"), ("cause", "a"), ("effect", "b")] {
+            assert_eq!(marks[1][key], value, "{}", marks[1]);
+        }
     }
 
     #[test]

@@ -454,6 +454,10 @@ fn a_stored_model_is_shown_as_it_was_and_compared_with_another() {
     let out = roscausal(dir.path(), &["compare", "one/model.json", "two/model.json", "-o", "difference"]);
     let text = String::from_utf8_lossy(&out.stdout);
     has(&text, &["alpha: 0.05, 0.01", "1 only in one/model.json\n  a at t-1", "0 only in two/model.json"]);
+    // A difference is called a change by the detector only.
+    has(&text, &["is no proof of a change", "`roscausal roll --changes` tests what changed"]);
+    let same = roscausal(dir.path(), &["compare", "one/model.json", "again/model.json"]);
+    assert!(!String::from_utf8_lossy(&same.stdout).contains("change"), "nothing differs");
     let picture = |name: &str| String::from_utf8_lossy(&read(&format!("difference/{name}"))).into_owned();
     assert_ne!(picture("only_a.svg"), picture("both.svg"));
 }

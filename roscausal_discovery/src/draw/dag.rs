@@ -12,7 +12,7 @@ use super::{
         legend_of_marks, legend_of_model,
     },
 };
-use crate::model::{Link, Model};
+use crate::model::Model;
 
 /// Left of and above the graph.
 const MARGIN: Point = Point { x: 16.0, y: 44.0 };
@@ -29,13 +29,9 @@ pub fn dag(model: &Model) -> String {
     picture(model, beside(model))
 }
 
-/// The summary graph of [`dag`] and its matrix, if there is one, as two pictures. `gone` are links of an earlier model: where the
-/// model has no link of their pair, they are drawn, too.
-pub fn dag_and_matrix(model: &Model, gone: &[Link]) -> (String, Option<String>) {
-    let mut both = model.clone();
-    let is_new = |link: &&Link| !model.links.iter().any(|l| l.cause == link.cause && l.effect == link.effect);
-    both.links.extend(gone.iter().filter(is_new).cloned());
-    (picture(&both, None), beside(model).map(|_| matrix(model)))
+/// The summary graph of [`dag`] and its matrix, if there is one, as two pictures.
+pub fn dag_and_matrix(model: &Model) -> (String, Option<String>) {
+    (picture(model, None), beside(model).map(|_| matrix(model)))
 }
 
 fn beside(model: &Model) -> Option<Matrix<'_>> {
