@@ -7,6 +7,8 @@ import { pictures, sentence, showGraph, showMatrix } from "./graph.js";
 /** Evidence of models by their batch, newest last. */
 const evidence = new Map();
 const MOST_EVIDENCE = 20;
+/** What may be said of each model, by its batch. */
+const summaries = new Map();
 
 let models = [];
 /** Change events of the discovery node, where it sends them: it alone tells a change from chance. */
@@ -25,9 +27,13 @@ export const changed = () => changes;
 
 export function addEvidence(data) {
   evidence.delete(data.batch);
-  evidence.set(data.batch, { ...data.evidence, conclusion: data.conclusion ?? [] });
+  evidence.set(data.batch, data.evidence);
   if (evidence.size > MOST_EVIDENCE) evidence.delete(evidence.keys().next().value);
-  if (models[shown]?.batch === data.batch) showConclusion(data.batch);
+}
+
+export function addSummary(data) {
+  summaries.set(data.batch, data);
+  if (models[shown]?.batch === data.batch) showSummary(data.batch);
 }
 
 export function addChange(change) {
@@ -43,9 +49,11 @@ export function addModel(model) {
   showModel();
 }
 
-function showConclusion(batch) {
-  const sentences = evidence.get(batch)?.conclusion ?? [];
-  $("conclusion").replaceChildren(...sentences.map((one) => make("li", one)));
+function showSummary(batch) {
+  const { conclusion, advice } = summaries.get(batch) ?? { conclusion: [], advice: [] };
+  $("conclusion").replaceChildren(...conclusion.map((one) => make("li", one)));
+  $("advice").replaceChildren(...advice.map((one) => make("li", one)));
+  $("next").hidden = !advice.length;
 }
 
 function showModel() {
@@ -53,7 +61,7 @@ function showModel() {
   if (!model) return;
   const confirmed = changes.filter((change) => change.kind === "confirmed" && change.batch === model.batch);
   drawModel(model, confirmed);
-  showConclusion(model.batch);
+  showSummary(model.batch);
   $("model-title").textContent = `Model ${model.number}, ${clock(model.t)}: ${model.method.toUpperCase()} with ${model.test.toUpperCase()}, ${model.level_name} ${model.level ?? "chosen by a score"}, ${model.samples} samples from ${model.batch}`;
   const slider = $("history");
   [slider.min, slider.max, slider.value] = [1, models.length, shown + 1];

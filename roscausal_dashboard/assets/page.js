@@ -3,7 +3,7 @@
 import { Ahead } from "./ahead.js";
 import { Charts } from "./charts.js";
 import { $, clock } from "./draw.js";
-import { addChange, addEvidence, addModel, changed, known, restart } from "./models.js";
+import { addChange, addEvidence, addModel, addSummary, changed, known, restart } from "./models.js";
 import { Moments } from "./moments.js";
 import { addMessage, showStatus } from "./nodes.js";
 import { Scene } from "./scene.js";
@@ -50,6 +50,7 @@ function connect() {
     addModel(model);
     marks();
   });
+  on("summary", addSummary);
   on("evidence", addEvidence);
   on("change", (change) => {
     addChange(change);

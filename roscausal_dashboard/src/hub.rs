@@ -21,7 +21,7 @@ const KEPT_LARGE: usize = 20;
 /// One event for the page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Frame {
-    /// `scene`, `walls`, `status`, `model`, `evidence`, `change`, `prediction`, `explanation`, `message` or `ended`.
+    /// `scene`, `walls`, `status`, `model`, `summary`, `evidence`, `change`, `prediction`, `explanation`, `message` or `ended`.
     pub(crate) kind: &'static str,
     /// JSON without line breaks.
     pub(crate) data: Arc<str>,

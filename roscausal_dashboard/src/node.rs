@@ -23,7 +23,7 @@ use crate::{
     hub::{Frame, Keep},
     questions,
     server::Server,
-    world::{World, evidence_frame},
+    world::{World, evidence_frames},
 };
 
 /// Time between two scenes on the page.
@@ -119,7 +119,8 @@ pub fn dashboard<M: Middleware>(mw: &M, server: &Server, options: SceneOptions) 
                 Event::Walls(walls) => world.walls(&walls, hub),
                 Event::Interventions(text) => world.interventions(&text.data, hub),
                 Event::Evidence(text) => {
-                    evidence_frame(&text.data).into_iter().for_each(|f| hub.send(f, Keep::Few))
+                    let frames = evidence_frames(&text.data).into_iter().flatten();
+                    frames.for_each(|(frame, keep)| hub.send(frame, keep));
                 }
             }
         }

@@ -22,6 +22,9 @@ use crate::{
 
 /// Largest evidence of one model that goes to the page, in bytes.
 const MOST_EVIDENCE: usize = 2_000_000;
+/// Most sentences of a kind that are shown of one summary, and their length.
+const MOST_SENTENCES: usize = 10;
+const MOST_CHARS: usize = 2_000;
 /// Most walls that are drawn, and most interventions that are followed.
 const MOST_WALLS: usize = 2_000;
 const MOST_COLUMNS: usize = 100;
@@ -255,14 +258,24 @@ fn model_json(number: u64, info: &CausalModelInfo, model: &Model) -> Json {
     })
 }
 
-/// Evidence for the page, if it is JSON and not too large. It is written anew, because a frame has no line breaks.
-pub(crate) fn evidence_frame(text: &str) -> Option<Frame> {
+/// Evidence for the page, if it is JSON and not too large, and what may be said of its model, which is kept as long as the model.
+/// Both are written anew, because a frame has no line breaks.
+pub(crate) fn evidence_frames(text: &str) -> Option<[(Frame, Keep); 2]> {
     if text.len() > MOST_EVIDENCE {
         return None;
     }
     let json: Json = serde_json::from_str(text).ok()?;
-    (json["batch"].is_string() && json["evidence"]["links"].is_array())
-        .then(|| Frame { kind: "evidence", data: json.to_string().into() })
+    let (batch, evidence) = (&json["batch"], &json["evidence"]);
+    let sentences = |field: &str| -> Vec<String> {
+        let all = json[field].as_array().into_iter().flatten().filter_map(Json::as_str);
+        all.take(MOST_SENTENCES).map(|text| text.chars().take(MOST_CHARS).collect()).collect()
+    };
+    let said = json!({"batch": batch, "conclusion": sentences("conclusion"), "advice": sentences("advice")});
+    let frame = |kind, data: Json| Frame { kind, data: data.to_string().into() };
+    (batch.is_string() && evidence["links"].is_array()).then(|| {
+        let evidence = frame("evidence", json!({"batch": batch, "evidence": evidence}));
+        [(frame("summary", said), Keep::All), (evidence, Keep::Few)]
+    })
 }
 
 #[cfg(test)]
@@ -401,14 +414,42 @@ mod tests {
     #[test]
     fn evidence_has_no_line_breaks_and_anything_else_is_left_out() {
         let good = "{\"batch\": \"a\\r\\nb\",\r\n \"evidence\": {\"links\": []}}";
-        let frame = evidence_frame(good).expect("a frame");
-        assert!(frame.kind == "evidence" && !frame.data.contains(['\r', '\n']), "{}", frame.data);
+        for (frame, _) in evidence_frames(good).expect("frames") {
+            assert!(!frame.data.contains(['\r', '\n']), "{}", frame.data);
+        }
         for bad in
             ["", "[]", "{\"batch\": 1, \"evidence\": {\"links\": []}}", "{\"batch\": \"a\"}", "no JSON\r\n"]
         {
-            assert_eq!(evidence_frame(bad), None, "{bad}");
+            assert_eq!(evidence_frames(bad), None, "{bad}");
         }
-        assert_eq!(evidence_frame(&format!("{good}{}", " ".repeat(MOST_EVIDENCE))), None);
+        assert_eq!(evidence_frames(&format!("{good}{}", " ".repeat(MOST_EVIDENCE))), None);
+    }
+
+    #[test]
+    fn conclusion_and_advice_are_kept_as_long_as_their_model_and_the_evidence_is_not() {
+        let hub = Hub::new();
+        for k in 0..50 {
+            let text = json!({
+                "batch": format!("batch_{k}"), "conclusion": ["Firm: a drives b."], "advice": ["Record longer."],
+                "evidence": {"links": []},
+            });
+            let frames = evidence_frames(&text.to_string()).expect("frames");
+            frames.into_iter().for_each(|(frame, keep)| hub.send(frame, keep));
+        }
+        let frames = hub.join().0;
+        let of = |kind: &str| -> Vec<Json> {
+            let frames = frames.iter().filter(|frame| frame.kind == kind);
+            frames.map(|frame| serde_json::from_str(&frame.data).unwrap()).collect()
+        };
+        assert_eq!((of("summary").len(), of("evidence").len()), (50, 20));
+        let first = &of("summary")[0];
+        assert_eq!(first["batch"], "batch_0");
+        assert_eq!(first["conclusion"], json!(["Firm: a drives b."]));
+        assert_eq!(first["advice"], json!(["Record longer."]));
+        // A stranger's sentences have a bound.
+        let long = json!({"batch": "b", "conclusion": vec!["x".repeat(3000); 30], "evidence": {"links": []}});
+        let [(summary, _), _] = evidence_frames(&long.to_string()).expect("frames");
+        assert!(summary.data.len() < 21_000, "{}", summary.data.len());
     }
 
     #[test]

@@ -231,6 +231,16 @@ class Page:
         assert self.text("links").startswith("a change of the test") and "suspicion" not in self.text("links"), self.text("links")
         self.js("document.getElementById('newest').click()")
 
+    def conclusion_and_advice_stand_beside_each_model(self):
+        # Also beside those whose evidence is no longer kept.
+        self.js("import('/models.js').then((models) => [...Array(30).keys()].forEach((k) => models.addEvidence({ batch: `other ${k}`, evidence: { links: [] } })))")
+        for index in range(int(self.js("document.getElementById('history').max"))):
+            self.js("(document.getElementById('history').value = arguments[0], document.getElementById('history').dispatchEvent(new Event('input')))", index + 1)
+            for part in ("conclusion", "advice"):
+                until(f"{part} of model {index + 1}", lambda: self.js(f"document.querySelectorAll('#{part} li').length"))
+        assert self.text("next").startswith("Next\n"), self.text("next")
+        self.js("document.getElementById('newest').click()")
+
     def nodes_and_messages_are_told(self):
         for node in ("robot", "human", "data", "discovery"):
             until(node, lambda: any(li.text.startswith(node) for li in self.driver.find_elements(By.CSS_SELECTOR, "#nodes > li")))

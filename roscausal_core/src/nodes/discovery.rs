@@ -44,7 +44,7 @@ use crate::{
     threads::in_pool,
 };
 
-/// Topic of what stands behind each model: JSON with `batch` (as `batch_id` of the model), `conclusion` (sentences of its summary) and `evidence`.
+/// Topic of what stands behind each model: JSON with `batch` (as `batch_id` of the model), `conclusion` and `advice` (sentences of its summary) and `evidence`.
 pub const EVIDENCE_TOPIC: &str = "roscausal/causal_evidence";
 /// Folder beside the models that holds what stands behind them, a file of the same name for each.
 pub const EVIDENCE_FOLDER: &str = "evidence";
@@ -435,8 +435,9 @@ impl<M: Middleware> Node<M> {
             compressed.publish(&png)?;
         }
         if let Some(evidence) = evidence {
+            let advice: Vec<&str> = summary.advice.iter().map(|advice| advice.text.as_str()).collect();
             let data = serde_json::json!({
-                "batch": origin.batch_id, "conclusion": summary.conclusion, "evidence": evidence,
+                "batch": origin.batch_id, "conclusion": summary.conclusion, "advice": advice, "evidence": evidence,
             });
             self.out.evidence.publish(&Text { data: data.to_string() })?;
         }
