@@ -5,7 +5,7 @@ use roscausal_discovery::{Link, LinkMark, Model, Summary, SummaryLink, names::pl
 use crate::flags;
 
 /// Columns of a terminal.
-const WIDTH: usize = 80;
+pub(crate) const WIDTH: usize = 80;
 /// Widest column of a table; a longer cell stands out. A format panics beyond 65535.
 pub(crate) const WIDEST: usize = 200;
 /// Links and notes that are printed, unless all are wanted.

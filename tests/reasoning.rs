@@ -6,7 +6,7 @@ mod common;
 
 use std::{fs, process::Output};
 
-use common::roscausal;
+use common::{in_a_line, roscausal};
 use roscausal_fuzz::unit;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -55,7 +55,40 @@ fn a_prediction_is_sentences_a_table_and_notes() {
     let (code, out, err) = asked(&dir, "predict", &["--horizon", "4"]);
     assert_eq!((code, err.as_str()), (Some(0), ""));
     assert!(out.starts_with("go on: after 4 steps (1 s) r_v "), "{out}");
-    assert!(out.lines().any(|line| line.starts_with("   4  ")) && out.contains(" m ("), "{out}");
+    let has_m = in_a_line(&out).contains(" m (");
+    assert!(out.lines().any(|line| line.starts_with("   4  ")) && has_m, "{out}");
+}
+
+#[test]
+fn answers_fit_80_columns_and_a_table_that_does_not_goes_on_below() {
+    let dir = folder();
+    let long = "distance_to_the_nearest_person_in_front";
+    let table = fs::read_to_string(dir.path().join("run.csv")).expect("reads");
+    fs::write(dir.path().join("long.csv"), table.replacen("r_v,d,", &format!("r_v,{long},"), 1))
+        .expect("writes");
+    fs::write(dir.path().join("long.json"), GRAPH.replace("\"d\"", &format!("\"{long}\""))).expect("writes");
+    for (model, data, d) in [("graph.json", "run.csv", "d"), ("long.json", "long.csv", long)] {
+        for question in [
+            &["predict"][..],
+            &[
+                "whatif", "--action", "stop: r_v=0", "--action", "race: r_v=9", "--action", "go on",
+                "--cost", "h_v",
+            ],
+            &["effect", "--cause", "r_v", "--effect", "h_v"],
+            &["explain", "--variable", "h_v", "--from", "100", "--to", "101"],
+        ] {
+            let args = [&[question[0], model, "--data", data][..], &question[1..]].concat();
+            let (code, out, err) = run(&dir, &args);
+            assert_eq!(code, Some(0), "{err}");
+            let too_long: Vec<&str> = out.lines().filter(|line| line.chars().count() > 80).collect();
+            assert!(too_long.is_empty() && out.contains(d), "{args:?}: {too_long:?}");
+        }
+    }
+    // Each variable has its column, beside the others or below them.
+    let (_, out, _) = run(&dir, &["predict", "long.json", "--data", "long.csv"]);
+    let heads: Vec<&str> = out.lines().filter(|line| line.starts_with("step")).collect();
+    assert_eq!(in_a_line(&heads.join(" ")), format!("step r_v step {long} step h_v"), "{out}");
+    assert_eq!(out.lines().filter(|line| line.starts_with("  10 ")).count(), 3, "{out}");
 }
 
 #[test]
@@ -104,6 +137,7 @@ fn effects_and_explanations_are_told_in_sentences() {
     let dir = folder();
     let (code, out, _) = asked(&dir, "effect", &["--cause", "r_v", "--effect", "h_v"]);
     assert_eq!(code, Some(0));
+    let out = in_a_line(&out);
     assert!(
         out.contains("A pulse of one unit of r_v moves h_v the most 3 steps (0.75 s) later: by -0.5"),
         "{out}"
@@ -111,6 +145,7 @@ fn effects_and_explanations_are_told_in_sentences() {
     assert!(out.contains("through d") && out.contains("note: r_v was never imposed"), "{out}");
     let (code, out, _) = asked(&dir, "explain", &["--variable", "h_v", "--from", "100", "--to", "101"]);
     assert_eq!(code, Some(0));
+    let out = in_a_line(&out);
     assert!(out.starts_with("h_v ") && out.contains("between 100 and 101 s (4 steps (1 s))"), "{out}");
 }
 
@@ -213,7 +248,7 @@ fn units_are_those_given_or_of_the_batch_and_a_wrong_one_is_named() {
     let columns = r#"{"columns": [{"name": "r_v", "unit": "m/s"}, {"name": "d", "unit": "km"}, {"name": "x", "unit": "s"}]}"#;
     fs::write(dir.path().join("run.json"), columns).expect("writes");
     let (_, out, _) = asked(&dir, "predict", &["--units", "h_v=furlongs"]);
-    let first = out.lines().next().unwrap_or_default();
+    let first = in_a_line(out.split("\n\n").next().unwrap_or_default());
     // The graph's own unit goes before that of the file.
     assert!(first.contains(" m/s (") && first.contains(" m (") && first.contains(" furlongs ("), "{first}");
     let (code, _, err) = asked(&dir, "predict", &["--units", "speed=m"]);

@@ -12,7 +12,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use common::roscausal;
+use common::{in_a_line, roscausal};
 use serde_json::Value;
 
 fn folder() -> PathBuf {
@@ -39,11 +39,6 @@ fn printed(files: &[String], more: &[&str]) -> String {
     let out = roscausal(&folder(), &args);
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     String::from_utf8_lossy(&out.stdout).into_owned()
-}
-
-/// In one line, and without the run time.
-fn in_a_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 #[test]

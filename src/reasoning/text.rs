@@ -5,39 +5,51 @@ use roscausal_reasoning::answer::{
     Contribution, EffectAnswer, ExplainAnswer, Forecast, Outlook, WhatIfAnswer,
 };
 
+use crate::report::{WIDEST, WIDTH, wrapped};
+
 /// The outlooks of all actions.
 pub fn what_if(answer: &WhatIfAnswer) -> String {
-    let mut lines: Vec<String> = answer.outlooks.iter().map(|outlook| outlook.text.clone()).collect();
+    let mut lines: Vec<String> =
+        answer.outlooks.iter().flat_map(|outlook| wrapped("", &outlook.text)).collect();
     if !answer.ranking.is_empty() {
         let names: Vec<&str> = answer.ranking.iter().map(|&k| answer.outlooks[k].action.as_str()).collect();
-        lines.push(format!("Best first: {}.", names.join(", ")));
+        lines.extend(wrapped("", &format!("Best first: {}.", names.join(", "))));
     }
     for outlook in answer.outlooks.iter().filter(|outlook| !outlook.refused) {
         lines.push(String::new());
-        lines.push(format!("{}: mean (interval), step by step", outlook.action));
+        lines.extend(wrapped("", &format!("{}: mean (interval), step by step", outlook.action)));
         lines.extend(table(outlook));
     }
     finished(lines, &answer.caveats)
 }
 
+/// As many variables side by side as fit a terminal, the others below.
 fn table(outlook: &Outlook) -> Vec<String> {
-    let cell = |text: String| format!("{text:>26}");
-    let header: String = outlook.forecasts.iter().map(|forecast| cell(forecast.variable.clone())).collect();
-    let mut lines = vec![format!("step{header}")];
-    for k in 0..outlook.forecasts.first().map_or(0, |forecast| forecast.mean.len()) {
-        let value = |forecast: &Forecast| {
+    let column = |forecast: &Forecast| -> Vec<String> {
+        let value = |k: usize| {
             let (mean, lower, upper) = (forecast.mean[k], forecast.lower[k], forecast.upper[k]);
             let range = if lower == upper { String::new() } else { format!(" ({lower:.3} to {upper:.3})") };
-            cell(format!("{mean:.3}{range}"))
+            format!("{mean:.3}{range}")
         };
-        lines.push(format!("{:4}{}", k + 1, outlook.forecasts.iter().map(value).collect::<String>()));
+        [forecast.variable.clone()].into_iter().chain((0..forecast.mean.len()).map(value)).collect()
+    };
+    let columns: Vec<Vec<String>> = outlook.forecasts.iter().map(column).collect();
+    let widest = columns.iter().flatten().map(|cell| cell.chars().count()).max().unwrap_or(0);
+    let wide = (widest + 2).min(WIDEST);
+    let cell = |text: &str| format!("{text:>wide$}");
+    let mut lines = Vec::new();
+    for part in columns.chunks(((WIDTH - 4) / wide).max(1)) {
+        for k in 0..part[0].len() {
+            let step = if k == 0 { "step".to_owned() } else { format!("{k:4}") };
+            lines.push(step + &part.iter().map(|column| cell(&column[k])).collect::<String>());
+        }
     }
     lines
 }
 
 /// An effect by lag.
 pub fn effect(answer: &EffectAnswer) -> String {
-    let mut lines = vec![answer.text.clone()];
+    let mut lines = wrapped("", &answer.text);
     if !answer.total.is_empty() {
         lines.push(String::new());
         lines.push("lag      total                  interval     direct".to_owned());
@@ -51,7 +63,7 @@ pub fn effect(answer: &EffectAnswer) -> String {
 
 /// A change taken apart.
 pub fn explain(answer: &ExplainAnswer) -> String {
-    let mut lines = vec![answer.text.clone()];
+    let mut lines = wrapped("", &answer.text);
     if !answer.contributions.is_empty() {
         lines.push(String::new());
         lines.push(format!("{:>12} {:>10}", "part", "value"));
@@ -70,7 +82,7 @@ fn finished(mut lines: Vec<String>, caveats: &[String]) -> String {
     if !caveats.is_empty() {
         lines.push(String::new());
     }
-    lines.extend(caveats.iter().map(|caveat| format!("note: {caveat}")));
+    lines.extend(caveats.iter().flat_map(|caveat| wrapped("note: ", caveat)));
     let shown: Vec<_> = lines.iter().map(|line| visible::line(line)).collect();
     shown.join("\n")
 }

@@ -15,6 +15,12 @@ pub(crate) fn roscausal(dir: &Path, args: &[&str]) -> Output {
         .expect("the command starts")
 }
 
+/// The words of a text, wherever its lines end.
+#[allow(dead_code, reason = "not every file of tests reads what is wrapped")]
+pub(crate) fn in_a_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
 /// Names and texts of the CSV files in a folder, such as its batches, by name.
 #[allow(
     dead_code,
