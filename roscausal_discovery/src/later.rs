@@ -117,25 +117,24 @@ impl Later {
         found.into_iter().map(later).collect()
     }
 
-    /// What was found, with the step between rows in seconds.
+    /// What was found, with the step between rows in seconds; of each pair the lag at which it is strongest.
     pub fn found(found: &[Self], dt: Option<f64>) -> Option<String> {
         const MOST: usize = 3;
         let one = |later: &Self| {
             let after = dt.map_or(String::new(), |dt| format!(" ({})", time_in_words(dt, later.lag)));
             let Self { cause, effect, lag, .. } = later;
-            format!("dependence of {effect} on {cause} is strongest at lag {lag}{after}")
+            format!("dependence of {effect} on {cause} at lag {lag}{after}")
         };
         let reported: Vec<String> = found.iter().take(MOST).map(one).collect();
         let more =
             if found.len() > MOST { format!(", and {} more", found.len() - MOST) } else { String::new() };
-        (!reported.is_empty())
-            .then(|| format!("{}{more}, beyond the lags that were tested", reported.join(", ")))
+        (!reported.is_empty()).then(|| format!("{}{more}", reported.join(", ")))
     }
 
     /// The same, and the way out.
     pub fn reported(found: &[Self], dt: Option<f64>) -> Option<String> {
         let way = format!("{} {} tests it", Named("tau_max"), found.first()?.tau_max);
-        Self::found(found, dt).map(|found| format!("{found}; {way}"))
+        Self::found(found, dt).map(|found| format!("{found}, beyond the lags that were tested; {way}"))
     }
 }
 

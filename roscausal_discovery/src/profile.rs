@@ -243,11 +243,11 @@ fn drifting(variables: &[VariableProfile]) -> Option<String> {
     let names: Vec<&str> = variables.iter().filter(drifts).map(|variable| variable.name.as_str()).collect();
     let verb = match names.len() {
         0 => return None,
-        1 => "drifts: its level changes",
-        _ => "drift: their levels change",
+        1 => "drifts",
+        _ => "drift",
     };
     Some(format!(
-        "{} {verb} over the recording (KPSS, 1 %), which makes links that are not there; analyse a part, or the differences",
+        "{} {verb} (KPSS, 1 %), which makes false links: analyse a part, or the differences",
         names.join(", ")
     ))
 }
@@ -659,7 +659,7 @@ mod tests {
         let drift = Array2::from_shape_fn((200, 3), |(t, k)| (t * (t + 7 * k) % 97) as f64 + (t * k) as f64);
         let (profile, _) = of(vec![drift]);
         let reported = profile.remarks.iter().filter(|remark| remark.contains("drift")).collect::<Vec<_>>();
-        assert!(reported.len() == 1 && reported[0].starts_with("b, c drift: their levels"), "{reported:?}");
+        assert!(reported.len() == 1 && reported[0].starts_with("b, c drift (KPSS"), "{reported:?}");
         let (profile, _) = of(vec![Array2::from_elem((200, 3), 1.5)]);
         assert_eq!(profile.remarks, ["no variable changes: there is nothing to find"]);
     }

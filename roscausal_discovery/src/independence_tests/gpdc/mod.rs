@@ -299,8 +299,9 @@ impl PreparedTest for PreparedGpdc<'_> {
         let [all, _, by_few] = self.residuals.counts();
         (by_few > 0).then(|| {
             format!(
-                "{by_few} of {all} Gaussian processes have a length scale and noise that 1000 of the samples decide, or do not decide \
-                 between two; --gp-search exact searches on all of them, and may find other links"
+                "{by_few} of {all} Gaussian processes rest on 1000 of the samples, or on one of two equal fits; {} exact uses \
+                 all samples, and may find other links",
+                Named("gp_search")
             )
         })
     }
