@@ -280,6 +280,7 @@ pub(crate) fn evidence_frames(text: &str) -> Option<[(Frame, Keep); 2]> {
 
 #[cfg(test)]
 mod tests {
+    use roscausal_core::nodes::model_messages::{Origin, causal_model_info};
     use roscausal_msgs::{HumanState, geometry_msgs::Point, pedsim_msgs::LineObstacle};
 
     use super::*;
@@ -396,6 +397,56 @@ mod tests {
         // By these the page finds the model and the arrow.
         for (key, value) in [("batch", "batch_2"), ("cause", "a"), ("effect", "b")] {
             assert_eq!(marks[1][key], value, "{}", marks[1]);
+        }
+    }
+
+    #[test]
+    fn the_page_has_the_facts_of_each_study() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/studies");
+        let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        let files: Vec<_> = files.filter(|path| path.extension().is_some_and(|end| end == "json")).collect();
+        assert_eq!(files.len(), 12);
+        for file in files {
+            let model = Model::from_json(&std::fs::read(&file).unwrap()).unwrap();
+            let (summary, origin) = (model.summary(), Origin { batch_id: "b".into(), ..Origin::default() });
+            let info = causal_model_info(&model, &stamped(1.0), &origin, None);
+            let page = model_json(1, &info, &model_of(&info));
+            let links = page["links"].as_array().unwrap();
+            let between: Vec<&Json> = links.iter().filter(|link| link["cause"] != link["effect"]).collect();
+            assert_eq!(between.len(), summary.links.len(), "{file:?}");
+            for link in &summary.links {
+                let is_it = |of: &&&Json| {
+                    of["cause"] == link.cause.as_str()
+                        && of["effect"] == link.effect.as_str()
+                        && of["lag"] == link.lag
+                };
+                let shown = between.iter().find(is_it).unwrap();
+                let off = shown["value"].as_f64().unwrap() - link.value.unwrap();
+                assert!(
+                    off.abs() < 1e-4 && shown["p"].as_f64() == link.p_value,
+                    "{file:?}: {shown} {link:?}"
+                );
+            }
+            let own = links.iter().filter(|link| link["cause"] == link["effect"]);
+            let own: BTreeSet<&str> = own.filter_map(|link| link["cause"].as_str()).collect();
+            let past: BTreeSet<&str> = summary.own_past.iter().map(String::as_str).collect();
+            assert_eq!(own, past, "{file:?}");
+            assert_eq!(
+                (page["test"].as_str(), page["dt"].as_f64()),
+                (Some(model.cond_ind_test.as_str()), model.dt)
+            );
+            // What the discovery node sends beside it.
+            let advice: Vec<&String> = summary.advice.iter().map(|advice| &advice.text).collect();
+            let sent = json!({
+                "batch": "b", "conclusion": summary.conclusion, "advice": advice, "evidence": {"links": []},
+            });
+            let [(said, _), _] = evidence_frames(&sent.to_string()).unwrap();
+            let said: Json = serde_json::from_str(&said.data).unwrap();
+            assert_eq!(
+                (&said["conclusion"], &said["advice"]),
+                (&sent["conclusion"], &sent["advice"]),
+                "{file:?}"
+            );
         }
     }
 

@@ -15,6 +15,7 @@ import typing
 
 import numpy as np
 import pytest
+from conftest import ROOT
 
 import roscausal as rc
 from roscausal import _native
@@ -52,6 +53,20 @@ def test_several_files_are_recordings_of_one_system(chain, tmp_path, quick):
     assert model == rc.discover([chain[:150], chain[150:]], columns=list("abc"), **quick)
     assert model.settings["n_recordings"] == 2
     assert model != rc.discover(chain, columns=list("abc"), **quick)
+
+
+STUDIES = sorted((ROOT / "tests/studies").glob("*.json"))
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_python_has_the_facts_of_each_study(path, monkeypatch):
+    # In their folder: a note names a file as it was given.
+    monkeypatch.chdir(ROOT / "docs/studies")
+    model = rc.discover([file.name for file in sorted(pathlib.Path().glob(f"{path.stem}*.csv"))])
+    # As data; a text names a setting as its surface does.
+    facts = lambda summary: json.dumps(summary).replace("--", "").replace("-", "_")
+    assert facts(model.summary) == facts(json.loads(path.read_text())["summary"])
+    assert len(STUDIES) == 12
 
 
 def test_every_layout_of_an_array_gives_the_same_model(chain, quick):

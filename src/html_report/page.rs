@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use roscausal_discovery::{Model, draw, draw::escaped, names::plain, settings::setting};
+use roscausal_discovery::{Model, SummaryLink, draw, draw::escaped, names::plain, settings::setting};
 
 use super::{
     Material, evidence,
@@ -118,17 +118,21 @@ fn links(model: &Model) -> String {
     if model.links.is_empty() {
         return String::new();
     }
-    let mut rows = String::new();
+    let (mut rows, summary) = (String::new(), model.summary());
     for (place, link) in model.links.iter().enumerate() {
+        let is_it = |of: &&SummaryLink| {
+            (&of.cause, &of.effect, of.lag) == (&plain(&link.cause), &plain(&link.effect), link.lag)
+        };
+        let sure = summary.links.iter().find(is_it).map_or("own past", |of| of.sure);
         let (cause, effect, lag) = (escaped(&plain(&link.cause)), escaped(&plain(&link.effect)), link.lag);
         let (strength, p) = (link.strength_in_words(3), escaped(&report::p_cell(model, link.p_value)));
         let (anchor, words) = (anchor(place), escaped(&report::sentence(model, link)));
         let _ = writeln!(
             rows,
-            "<tr><td>{cause}</td><td>{effect}</td><td>{lag}</td><td>{strength}</td><td>{p}</td><td><a href=\"#{anchor}\">{words}</a></td></tr>"
+            "<tr><td>{cause}</td><td>{effect}</td><td>{lag}</td><td>{strength}</td><td>{p}</td><td>{sure}</td><td><a href=\"#{anchor}\">{words}</a></td></tr>"
         );
     }
-    let columns = ["cause", "effect", "lag", "strength", "p", "in words"];
+    let columns = ["cause", "effect", "lag", "strength", "p", "how sure", "in words"];
     section("links", "Links", &table("Table of links", &columns, &rows))
 }
 
