@@ -189,6 +189,21 @@ fn terminal_json_and_report_have_the_same_facts_of_each_study() {
                     .unwrap_or_else(|| panic!("{name}: {start}\n{text}"));
                 assert!(row.contains(&plain(link["sure"].as_str().expect("a word"))), "{name}: {row}");
             }
+
+            // All tests, folded at the end.
+            let tests = rows::<7>(&html, "Table of all tests");
+            let tested = model["p_matrix"]
+                .to_string()
+                .split([',', '[', ']'])
+                .filter(|cell| cell.parse::<f64>().is_ok())
+                .count();
+            assert_eq!(tests.len(), tested, "{name}");
+            let (_, end) = html.rsplit_once("<h2 ").expect("a section");
+            assert!(
+                tests.is_empty() || end.contains(&format!("<details><summary>All {tested} tests</summary>")),
+                "{name}"
+            );
+            assert_eq!(tests.iter().filter(|row| !row[6].is_empty()).count(), linked.len(), "{name}");
         }
     }
 }

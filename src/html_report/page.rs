@@ -17,6 +17,9 @@ const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'n
 /// What every report has near its beginning, by which a later one knows that it may take its place.
 pub(super) const MARK: &str = "<meta name=\"generator\" content=\"roscausal\">";
 
+/// Most tests in the table of all.
+const MOST_TESTS: usize = 3000;
+
 /// Widest picture that shrinks with the page, in pixels.
 const FITS: f64 = 900.0;
 
@@ -34,6 +37,7 @@ pub(super) fn html(material: &Material) -> String {
         settings(model),
         caveats(model),
         reproduce(material),
+        appendix(model),
     ];
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -208,4 +212,41 @@ fn reproduce(material: &Material) -> String {
          <p>To cite: roscausal {version} (its CITATION.cff names the papers of the methods), and Castri et al. 2024, arXiv:2402.16068.</p>\n"
     );
     section("reproduce", "How to reproduce and to cite", &content)
+}
+
+/// All tests of the run, folded: for readers who check.
+fn appendix(model: &Model) -> String {
+    let names: Vec<String> = model.features.iter().map(|name| escaped(&plain(name))).collect();
+    let (mut rows, mut tests) = (String::new(), 0);
+    for (i, cause) in names.iter().enumerate() {
+        for (j, effect) in names.iter().enumerate() {
+            for lag in model.tau_min..=model.tau_max {
+                let Some(value) = model.val_matrix[i][j][lag].filter(|_| lag > 0 || i < j) else { continue };
+                tests += 1;
+                if tests > MOST_TESTS {
+                    continue;
+                }
+                let p = escaped(&report::p_cell(model, model.p_matrix[i][j][lag]));
+                let samples = model.n_matrix[i][j][lag].map_or("–".to_owned(), |n| n.to_string());
+                let mark = model.graph[i][j][lag];
+                let mark = if mark.is_link() { escaped(&mark.to_string()) } else { String::new() };
+                let _ = writeln!(
+                    rows,
+                    "<tr><td>{cause}</td><td>{effect}</td><td>{lag}</td><td>{value:.4}</td><td>{p}</td><td>{samples}</td><td>{mark}</td></tr>"
+                );
+            }
+        }
+    }
+    if tests == 0 {
+        return String::new();
+    }
+    let columns = ["cause", "effect", "lag", "value", "p", "samples", "link"];
+    let table = table("Table of all tests", &columns, &rows);
+    let shown = if tests > MOST_TESTS {
+        format!(" (the first {MOST_TESTS}; model.json has all)")
+    } else {
+        String::new()
+    };
+    let content = format!("<details><summary>All {tests} tests{shown}</summary>\n{table}</details>\n");
+    section("appendix", "Appendix for experts", &content)
 }
