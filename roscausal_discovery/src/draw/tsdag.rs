@@ -59,17 +59,30 @@ pub fn tsdag(model: &Model) -> String {
 
 /// Draws an arrow; returns a place for its number, nearer to its cause, where fewer arrows meet than in the middle.
 fn arrow(svg: &mut Svg, from: Point, to: Point, stroke: &Stroke) -> Point {
-    // A link that would pass over other nodes of its row or column is bent around them.
-    let over = if from.y == to.y && to.x - from.x > COLUMN * 1.5 || from.x == to.x { 0.22 } else { 0.0 };
-    let along = from.towards(to);
-    let length = libm::hypot(to.x - from.x, to.y - from.y);
-    let bend = Point::new((from.x + to.x) / 2.0, (from.y + to.y) / 2.0)
-        .plus(along.y * length * over, -along.x * length * over);
+    let bend = bend(from, to);
     let (leave, arrive) = (from.towards(bend), to.towards(bend));
     let start = from.plus(leave.x * NODE, leave.y * NODE);
     let end = to.plus(arrive.x * (NODE + 1.0), arrive.y * (NODE + 1.0));
     svg.arrow(start, bend, end, stroke);
     on_curve(start, bend, end, 0.3)
+}
+
+/// The control point of the curve between two nodes: a link that would pass over other nodes is bent around them.
+fn bend(from: Point, to: Point) -> Point {
+    let steps = |way: f64, step: f64| (way.abs() / step).round() as usize;
+    let (columns, rows) = (steps(to.x - from.x, COLUMN), steps(to.y - from.y, ROW));
+    // A straight line meets another node where both have a common divisor.
+    let meets = (2..=columns.max(rows)).any(|k| columns.is_multiple_of(k) && rows.is_multiple_of(k));
+    let over = match (columns, rows) {
+        (0, _) => 0.22,
+        (_, 0) if meets => 0.22,
+        _ if meets => 0.12,
+        _ => 0.0,
+    };
+    let along = from.towards(to);
+    let length = libm::hypot(to.x - from.x, to.y - from.y);
+    Point::new((from.x + to.x) / 2.0, (from.y + to.y) / 2.0)
+        .plus(along.y * length * over, -along.x * length * over)
 }
 
 /// The point of a quadratic curve at a part of its way.
@@ -85,6 +98,24 @@ fn on_curve(start: Point, bend: Point, end: Point, part: f64) -> Point {
 mod tests {
     use super::*;
     use crate::model::example;
+
+    #[test]
+    fn a_link_passes_over_no_node_but_its_ends() {
+        let at = |column: usize, row: usize| Point::new(COLUMN * column as f64, ROW * row as f64);
+        for (columns, rows) in (0..5).flat_map(|columns| (0..5).map(move |rows| (columns, rows))) {
+            for (from, to) in [(at(0, 0), at(columns, rows)), (at(0, rows), at(columns, 0))] {
+                let bend = bend(from, to);
+                let curve = (0..=200).map(|k| on_curve(from, bend, to, f64::from(k) / 200.0));
+                let curve: Vec<Point> = curve.collect();
+                for node in (0..=columns).flat_map(|column| (0..=rows).map(move |row| at(column, row))) {
+                    let far = |of: &Point| libm::hypot(of.x - node.x, of.y - node.y);
+                    let is_end = far(&from) < 1.0 || far(&to) < 1.0;
+                    let nearest = curve.iter().map(far).fold(f64::INFINITY, f64::min);
+                    assert!(is_end || nearest > NODE, "{columns} x {rows}: {nearest}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn each_variable_has_a_node_at_each_time() {
