@@ -13,6 +13,8 @@ html_favicon = "../icon.svg"
 nb_execution_mode = "off"
 # Headings are link targets, as on GitHub.
 myst_heading_anchors = 4
+# Pictures in HTML are copied to the site, too.
+myst_enable_extensions = ["html_image"]
 myst_links_external_new_tab = True
 autosectionlabel_prefix_document = True
 suppress_warnings = ["autosectionlabel.*", "misc.highlighting_failure", "myst.header"]

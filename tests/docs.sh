@@ -20,6 +20,13 @@ if "$venv/bin/sphinx-build" -W --keep-going -q -b html "$source/docs" target/doc
   # The theme's captions are headings without a level, and no keyboard reaches its wide tables and listings.
   find target/docs -name '*.html' -exec sed -i -e 's/class="caption" role="heading"/class="caption" role="heading" aria-level="2"/' \
     -e 's/<div class="table-wrapper/<div tabindex="0" class="table-wrapper/' -e 's/<pre>/<pre tabindex="0">/' {} +
+  # A picture that was not copied is no warning of Sphinx.
+  pictures=$(cd target/docs && grep -oh '<img [^>]*>' ./*.html | grep -o 'src="[^":]*"' | cut -d '"' -f 2 | sort -u)
+  for picture in $pictures; do
+    [ -f "target/docs/$picture" ] && continue
+    echo "0 passed, 1 failed: no picture $picture"
+    exit 1
+  done
   echo "1 passed, 0 failed: $(find target/docs -maxdepth 1 -name '*.html' | wc -l) pages in target/docs"
 else
   echo "0 passed, 1 failed"
