@@ -144,12 +144,15 @@ fn gram(data: &DataFrame, lags: usize) -> (Array2<f64>, usize) {
     let (n, size) = (data.n_vars(), data.n_vars() * (lags + 1));
     let (means, deviations): (Vec<Vec<f64>>, Vec<f64>) = (0..n).map(|var| measured(data, var)).unzip();
     let (mut gram, mut count) = (Array2::zeros((size, size)), 0);
+    let all: usize = data.recordings().iter().map(|recording| recording.nrows()).sum();
     for (k, recording) in data.recordings().iter().enumerate() {
+        // The same share of each, in any order of recordings.
+        let until = count + (MOST_ROWS * recording.nrows()).div_ceil(all.max(MOST_ROWS));
         let is_whole = |row: &usize| recording.row(*row).iter().all(|value| !value.is_nan());
         let mut row = 0;
-        while row < recording.nrows() && count < MOST_ROWS {
+        while row < recording.nrows() && count < until {
             // No row is looked at that would not count.
-            let most = recording.nrows().min(row + lags + MOST_ROWS - count);
+            let most = recording.nrows().min(row + lags + until - count);
             let end = (row..most).find(|row| !is_whole(row)).unwrap_or(most);
             if end > row + lags {
                 let value = |var: usize, value: &f64| (value - means[var][k]) / deviations[var];

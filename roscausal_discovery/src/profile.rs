@@ -121,9 +121,10 @@ impl DataProfile {
         if samples < FEW {
             profile.remarks.push(few(samples));
         }
+        let longest = data.longest();
         let (mut ends, mut ties) = (Vec::<(&String, f64, usize)>::new(), Vec::new());
         for (var, name) in names.iter().enumerate() {
-            let (variable, remarks, seen) = look_at(data, var, name);
+            let (variable, remarks, seen) = look_at(data, longest, var);
             profile.remarks.extend(remarks);
             ties.extend(seen.ties.then(|| format!("{name} ({})", variable.distinct)));
             profile.variables.push(variable);
@@ -273,24 +274,21 @@ struct Seen {
     ties: bool,
 }
 
-fn look_at(data: &DataFrame, var: usize, name: &str) -> (VariableProfile, Vec<String>, Seen) {
+fn look_at(data: &DataFrame, longest: &Array2<f64>, var: usize) -> (VariableProfile, Vec<String>, Seen) {
+    let name = &plain(&data.var_names()[var]);
     let columns = || data.recordings().iter().map(|recording| recording.column(var));
     let rows: usize = columns().map(|column| column.len()).sum();
     let missing = columns().map(|column| column.iter().filter(|v| v.is_nan()).count()).sum();
-    let longest = data.recordings().iter().max_by_key(|recording| recording.nrows());
-    let first_rows: Vec<f64> = longest.map(|r| present(r.column(var), MOST_ROWS)).unwrap_or_default();
+    let first_rows: Vec<f64> = present(longest.column(var), MOST_ROWS);
     let stride = rows.div_ceil(MOST_ROWS).max(1);
-    let (mut spread, mut row) = (Vec::with_capacity(rows.div_ceil(stride)), 0);
-    for column in columns() {
-        spread.extend(column.iter().skip(row).step_by(stride).filter(|v| !v.is_nan()));
-        // Where the next recording goes on.
-        row = (row + stride - column.len() % stride) % stride;
-    }
+    // From the first row of each recording on: the same rows in any order of recordings.
+    let spread = columns().flat_map(|column| column.into_iter().step_by(stride)).copied();
+    let mut spread: Vec<f64> = spread.filter(|v| !v.is_nan()).collect();
     spread.sort_by(f64::total_cmp);
     let mut different = spread.clone();
     different.dedup();
     let mut profile = VariableProfile {
-        name: name.to_owned(),
+        name: name.clone(),
         missing,
         distinct: different.len(),
         effective_samples: (rows - missing) as f64,
@@ -310,9 +308,9 @@ fn look_at(data: &DataFrame, var: usize, name: &str) -> (VariableProfile, Vec<St
             "{name} changes slowly: its {samples} samples are worth about {worth:.0} independent ones; record longer or take a longer step"
         ));
     }
-    profile.kpss = longest.and_then(|recording| kpss(&recording.column(var)));
+    profile.kpss = kpss(&longest.column(var));
     let (outliers, farthest) = outliers(&spread);
-    profile.outliers = outliers * stride;
+    profile.outliers = outliers * (rows - missing) / spread.len();
     if outliers * 10 >= spread.len() {
         remarks.push(format!(
             "{name} has {} % of its values, such as {farthest}, more than {FAR} robust deviations from the median{RANKS}",
@@ -662,6 +660,33 @@ mod tests {
         assert!(reported.len() == 1 && reported[0].starts_with("b, c drift (KPSS"), "{reported:?}");
         let (profile, _) = of(vec![Array2::from_elem((200, 3), 1.5)]);
         assert_eq!(profile.remarks, ["no variable changes: there is nothing to find"]);
+    }
+
+    #[test]
+    fn what_a_variable_is_like_does_not_depend_on_the_order_of_recordings_and_columns() {
+        let slow = |rows: usize, seed: u64, own: f64| {
+            let mut values = noise(rows, 2, seed);
+            (1..rows).for_each(|t| values[[t, 0]] += own * values[[t - 1, 0]]);
+            values
+        };
+        // More rows than are looked at, too.
+        for rows in [150, 6001] {
+            let parts =
+                [slow(rows, 1, 0.995), slow(rows, 2, 0.9), slow(rows, 3, 0.97), slow(rows - 2, 4, 0.5)];
+            let seen = |order: [usize; 4], columns: [usize; 2]| {
+                let recordings = order.map(|k| parts[k].select(ndarray::Axis(1), &columns)).to_vec();
+                let names = columns.map(|column| ["slow", "b"][column].to_owned()).to_vec();
+                let mut profile = DataProfile::of(&DataFrame::new(recordings, names).unwrap(), 1).0;
+                profile.variables.sort_by(|a, b| a.name.cmp(&b.name));
+                profile.remarks.retain(|remark| remark.contains("changes slowly"));
+                (profile.variables, profile.remarks)
+            };
+            let first = seen([0, 1, 2, 3], [0, 1]);
+            for order in [[3, 2, 1, 0], [1, 0, 3, 2], [2, 3, 0, 1]] {
+                assert_eq!(seen(order, [0, 1]), first);
+                assert_eq!(seen(order, [1, 0]), first);
+            }
+        }
     }
 
     #[test]

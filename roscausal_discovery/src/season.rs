@@ -43,7 +43,7 @@ pub struct Season {
 impl Season {
     /// The period of the data, if two variables or more share one; four of it or more are needed.
     pub fn of(data: &DataFrame) -> Option<Self> {
-        let rows = data.recordings().iter().max_by_key(|rows| rows.nrows())?;
+        let rows = data.longest();
         let columns: Vec<Vec<f64>> = rows.columns().into_iter().map(centred).collect();
         let longest = LONGEST.min(rows.nrows().min(MOST_ROWS) / 4);
         let candidates: BTreeSet<usize> = columns

@@ -94,6 +94,24 @@ fn recordings_and_missing_values_are_kept_apart_and_the_sentence_says_when() {
     assert_eq!(Later::of(&data, 400, 2.0), []);
 }
 
+#[test]
+fn of_more_rows_than_are_looked_at_each_recording_has_its_share_in_any_order() {
+    // Only the second recording has the effect, behind as many rows as are looked at.
+    let mut parts: Vec<Array2<f64>> = (0..2).map(|_| Array2::zeros((4000, 2))).collect();
+    let mut seed = 3;
+    parts.iter_mut().for_each(|part| part.mapv_inplace(|_| normal(&mut seed)));
+    for t in 4..4000 {
+        parts[1][[t, 1]] += 0.8 * parts[1][[t - 4, 0]];
+    }
+    let of = |parts: Vec<Array2<f64>>| {
+        let data = DataFrame::new(parts, vec!["a".into(), "b".into()]).unwrap();
+        Later::of(&data, 1, 2.0).iter().map(|later| (later.cause.clone(), later.lag)).collect::<Vec<_>>()
+    };
+    assert_eq!(of(parts.clone()), [("a".to_owned(), 4)]);
+    parts.reverse();
+    assert_eq!(of(parts), [("a".to_owned(), 4)]);
+}
+
 /// The ends of a recording give cause and effect different means: what that leaves of an exact effect is no dependence.
 #[test]
 fn an_exact_effect_leaves_nothing_to_look_for() {

@@ -306,6 +306,15 @@ impl DataFrame {
         &self.recordings
     }
 
+    /// The recording with the most rows; of several, that of the larger values: the same one in any order.
+    pub(crate) fn longest(&self) -> &Array2<f64> {
+        let size = |rows: &Array2<f64>| rows.iter().filter(|v| !v.is_nan()).map(|v| v.abs()).sum::<f64>();
+        let longest = |a: &&Array2<f64>, b: &&Array2<f64>| {
+            a.nrows().cmp(&b.nrows()).then_with(|| size(a).total_cmp(&size(b)))
+        };
+        self.recordings.iter().max_by(longest).unwrap_or(&self.recordings[0])
+    }
+
     /// Refuses a largest lag for which no recording is long enough: the first `cut_off` rows of each only serve as the past of others.
     pub(crate) fn check_length(&self, tau_max: usize, cut_off: usize) -> Result<()> {
         let longest = self.recordings.iter().map(|recording| recording.nrows()).max().unwrap_or(0);
