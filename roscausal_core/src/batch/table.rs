@@ -205,10 +205,18 @@ impl fmt::Display for Note {
 /// The step between samples that recordings of one system share, seconds; `None` where none has times.
 ///
 /// # Errors
-/// A recording whose step differs by more than 1 % from that of one before it: a lag would mean two things.
+/// A recording whose step differs by more than 1 % from that of one before it, or that has times where another has none.
 pub fn common_step<'a>(recordings: impl IntoIterator<Item = (&'a Path, &'a Table)>) -> Result<Option<f64>> {
-    let mut first: Option<(&Path, f64)> = None;
+    let (mut known, mut first): (Option<(&Path, bool)>, Option<(&Path, f64)>) = (None, None);
     for (path, table) in recordings {
+        let (other, timed) = *known.get_or_insert((path, table.time.is_some()));
+        if timed != table.time.is_some() {
+            let (what, other) = (if timed { "no times" } else { "times" }, other.display());
+            let reason = format!(
+                "it has {what}, unlike {other}; recordings of one system need one step: give all times, or none, or analyse them apart"
+            );
+            return Err(Error::file(path, reason));
+        }
         match (first, table.dt()) {
             (Some((other, step)), Some(dt)) if (dt - step).abs() > 0.01 * step => {
                 let [dt, step] = [dt, step].map(|secs| (secs * 1e6).round() / 1e6);

@@ -142,13 +142,26 @@ fn recordings_of_one_system_have_one_step() {
             tables.iter().zip(["x.csv", "y.csv", "z.csv"]).map(|(table, name)| (Path::new(name), *table)),
         )
     };
-    assert_eq!(step(&[&timeless, &slow, &jittery]).expect("one step"), slow.dt());
-    assert_eq!(step(&[&timeless]).expect("none"), None);
-    let error = step(&[&slow, &timeless, &fast]).expect_err("two steps").to_string();
+    assert_eq!(step(&[&slow, &jittery]).expect("one step"), slow.dt());
+    assert_eq!(step(&[&timeless, &timeless]).expect("none"), None);
+    let error = step(&[&slow, &jittery, &fast]).expect_err("two steps").to_string();
     assert!(
         error.contains("z.csv") && error.contains("its step is 0.1 s, that of x.csv is 0.3 s"),
         "{error}"
     );
+}
+
+#[test]
+fn recordings_with_and_without_times_have_no_common_step_in_any_order() {
+    let (timed, timeless) =
+        (parse("time,a\n0,1\n0.3,2\n").expect("reads"), parse("a\n1\n2\n").expect("reads"));
+    let [x, y] = [("x.csv", &timed), ("y.csv", &timeless)].map(|(name, table)| (Path::new(name), table));
+    for (files, reported) in
+        [([x, y], "y.csv: it has no times, unlike x.csv"), ([y, x], "x.csv: it has times, unlike y.csv")]
+    {
+        let error = common_step(files).expect_err("no step of y").to_string();
+        assert!(error.contains(reported), "{error}");
+    }
 }
 
 #[test]
