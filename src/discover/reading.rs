@@ -8,7 +8,7 @@ use roscausal_core::{
     Error, Result,
     batch::{
         Table,
-        table::{Derived, Reading, Resample, Steps, Unit},
+        table::{Derived, Note, Reading, Resample, Steps, Unit, is_id},
     },
 };
 use roscausal_discovery::{
@@ -155,12 +155,14 @@ impl ReadArgs {
                 max_memory,
             };
             let first = tables.is_empty();
-            let table = Table::read_as(&file.table, &reading).map_err(|error| match error {
+            let told = if is_table(file) { self.whose(file, &reading)? } else { None };
+            let mut table = Table::read_as(&file.table, &reading).map_err(|error| match error {
                 Error::Param { reason, .. } if !first => {
                     Error::file(&file.user, format!("it lacks a column of the first file: {reason}"))
                 }
                 other => other,
             })?;
+            table.notes.extend(told);
             let mut parts = vec![(file.clone(), table)];
             if let Some(column) = &self.recording {
                 let of_column = parts.remove(0).1.by_recording(column, reading.equal_times);
@@ -181,16 +183,36 @@ impl ReadArgs {
             }
         }
         if !derived.is_empty() {
-            let chosen = self.with_derived(&derived, besides);
-            for (_, table) in &mut tables {
-                table.derive(&derived)?;
-                if let Some(chosen) = &chosen {
-                    table.keep(chosen)?;
-                }
-                only_of_columns(table);
-            }
+            tables.iter_mut().try_for_each(|(_, table)| self.finish(table, &derived, besides))?;
         }
         Ok(tables)
+    }
+
+    /// Adds the defined variables to a table, and leaves out what is not chosen.
+    fn finish(&self, table: &mut Table, derived: &[Derived], besides: &[Needed<'_>]) -> Result<()> {
+        table.derive(derived)?;
+        if let Some(chosen) = self.with_derived(derived, besides) {
+            table.keep(&chosen)?;
+        }
+        only_of_columns(table);
+        Ok(())
+    }
+
+    /// Refuses rows of several people, one below the other, where only columns that are not chosen say so, or tells that they are of
+    /// several, one after the other. A pipe is read once.
+    fn whose(&self, file: &Input, reading: &Reading) -> Result<Option<Note>> {
+        if self.columns.is_none() || self.recording.is_some() || !file.table.is_file() {
+            return Ok(None);
+        }
+        let all = Reading { columns: None, encode: true, equal_times: true, ..reading.clone() };
+        // What cannot be read is no matter here.
+        let Ok(Table { names, values, .. }) = Table::read_as(&file.table, &all) else { return Ok(None) };
+        let data = DataFrame::new(vec![values], names)?;
+        if let Some(reason) = interleaved(&data, |name| self.keeps(name)) {
+            return Err(Error::file(&file.user, reason));
+        }
+        let of_several = aside(&data, |name| self.keeps(name) || !is_id(name));
+        Ok(of_several.map(|(_, why)| Note::Read(format!("a column that is not chosen is {why}"))))
     }
 
     /// The files side by side, as one recording.
@@ -212,13 +234,7 @@ impl ReadArgs {
             max_memory: reading.max_memory,
         };
         let mut table = Table::side_by_side(&tables, &how).map_err(|reason| Error::param("join", reason))?;
-        if !derived.is_empty() {
-            table.derive(derived)?;
-        }
-        if let Some(chosen) = self.with_derived(derived, besides) {
-            table.keep(&chosen)?;
-        }
-        only_of_columns(&mut table);
+        self.finish(&mut table, derived, besides)?;
         let whole = PathBuf::from("the files");
         let even =
             table.at_even_steps(&Steps { dt: None, ..how }).map_err(|reason| Error::file(&whole, reason))?;

@@ -43,6 +43,38 @@ fn recordings_with_different_columns_are_refused_in_either_order() {
     }
 }
 
+/// Rows of four people: `at` gives frame and person.
+fn of_people(header: &str, at: fn(usize) -> (usize, usize)) -> String {
+    let mut state = 5;
+    let row = |t: usize| {
+        let (frame, person) = at(t);
+        format!("{frame},P{person},{:.4},{:.4}\n", unit(&mut state), unit(&mut state))
+    };
+    format!("{header}\n{}", (0..200).map(row).collect::<String>())
+}
+
+#[test]
+fn rows_of_several_people_are_seen_whatever_columns_are_chosen() {
+    let crowd = of_people("frame,ped_id,speed,gap", |t| (t / 4, t % 4));
+    let chosen = ["--columns", "speed,gap", "--method", "pcmci", "--test", "parcorr"];
+    has(
+        &complaint(&crowd, &chosen, 1),
+        &["rows of the same frame are of several ped_id", "--recording ped_id"],
+    );
+    let dir = folder("crowd.csv", &crowd);
+    fs::write(dir.path().join("blocks.csv"), of_people("n,ped_id,speed,gap", |t| (t % 50, t / 50)))
+        .expect("writes");
+    for (file, more, told) in [
+        ("crowd.csv", &["--keep", "ped_id"][..], ""),
+        ("blocks.csv", &[][..], "--recording ped_id makes recordings of"),
+    ] {
+        let out = roscausal(dir.path(), &[&["discover", file][..], more, &chosen].concat());
+        let text = String::from_utf8_lossy(&[out.stdout, out.stderr].concat()).into_owned();
+        assert!(out.status.success(), "{text}");
+        has(&text, &[told]);
+    }
+}
+
 #[test]
 fn recordings_at_other_levels_make_no_link_unless_their_levels_are_kept() {
     let dir = folder("0.csv", &around(0.0, 1, "a,b"));
