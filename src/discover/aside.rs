@@ -62,26 +62,41 @@ pub(super) fn aside(data: &DataFrame, kept: impl Fn(&str) -> bool) -> Option<(Ve
 }
 
 /// Why the rows are not one after the other: they are of several at a time, one below the other. A column of that time stands still while an
-/// `id` is another one in each row, and the same ones come again.
+/// `id` is another one in each row, and the same ones come again. Without names, these are the first two columns.
 pub(super) fn interleaved(data: &DataFrame, kept: impl Fn(&str) -> bool) -> Option<String> {
     const FEWEST: usize = 3;
     let (rows, names) = (data.recordings().first()?, data.var_names());
-    let ids = (0..names.len()).filter(|id| is_id(&names[*id]) && !kept(&names[*id]));
+    let is_nameless = |column: usize| ["x_0", "x_1"].contains(&names[column].as_str());
+    let ids = (0..names.len()).filter(|&id| (is_id(&names[id]) || is_nameless(id)) && !kept(&names[id]));
     let mut pairs =
         ids.flat_map(|id| (0..names.len()).filter(move |time| *time != id).map(move |time| (id, time)));
+    let different =
+        |column: usize| rows.column(column).iter().map(|v| v.to_bits()).collect::<HashSet<_>>().len();
     let is_so = |&(id, time): &(usize, usize)| {
+        let (nameless, of_id) = (is_nameless(id), id);
+        if nameless && (!is_nameless(time) || kept(&names[time])) {
+            return false;
+        }
         let (id, time) = (rows.column(id), rows.column(time));
         let later = || time.iter().zip(time.iter().skip(1));
         let times = 1 + later().filter(|(a, b)| a < b).count();
         if times <= FEWEST || FEWEST * times > 2 * rows.nrows() || !later().all(|(a, b)| a <= b) {
             return false;
         }
-        let different = id.iter().map(|id| id.to_bits()).collect::<HashSet<_>>().len();
+        let different = different(of_id);
+        // Years and months, or cells of a grid, have each pair.
+        if nameless && times * different < rows.nrows() + different {
+            return false;
+        }
         let mut seen = HashSet::new();
         let mut are_new = id.iter().zip(time).map(|(id, time)| seen.insert([id.to_bits(), time.to_bits()]));
         FEWEST * different <= rows.nrows() && are_new.all(|is_new| is_new)
     };
-    let (id, time) = pairs.find(is_so)?;
+    let (mut id, mut time) = pairs.find(is_so)?;
+    // Sorted by person; frames are more.
+    if is_nameless(id) && different(time) < different(id) {
+        std::mem::swap(&mut id, &mut time);
+    }
     let (id, time, recording, format) = (&names[id], &names[time], Named("recording"), Named("format"));
     Some(format!(
         "rows of the same {time} are of several {id}, one below the other: {recording} {id} makes a recording of each, and \
@@ -196,6 +211,13 @@ mod tests {
         let reported = of(["frame", "ped_id", "a"], crowd).expect("a crowd");
         assert!(reported.contains("same frame") && reported.contains("ped_id"), "{reported}");
         assert_eq!(of(["frame", "kept_id", "a"], crowd), None);
+        // Without names: people who come and go, in either order of the columns; years with their months.
+        let walks = |t: usize| [(10 * (t / 4)) as f64, (t / 12 + t % 4) as f64];
+        for names in [["x_0", "x_1", "x_2"], ["x_1", "x_0", "x_2"]] {
+            assert!(of(names, walks).is_some_and(|reported| reported.contains("trajectories")));
+        }
+        assert_eq!(of(["x_0", "x_1", "x_2"], |t| [(t / 12) as f64, (t % 12) as f64]), None);
+        assert_eq!(of(["x_1", "x_2", "x_3"], walks), None);
         assert_eq!(of(["year", "month", "a"], |t| [(t / 12) as f64, (t % 12) as f64]), None);
         assert_eq!(of(["seq", "id", "a"], |t| [t as f64, (t % 3) as f64]), None, "one at a time");
         assert_eq!(
