@@ -61,7 +61,7 @@ pub(crate) struct ReadArgs {
     /// Table: columns that stay variables although they count the rows, or say when or whose a row is: names, or `all`.
     #[arg(long, value_name = "COLUMN", value_delimiter = ',')]
     keep: Vec<String>,
-    /// Table: unit of the times: s, ms, us, ns, min, h. Default: by the column's name (`time_ms`), or the size of the numbers.
+    /// Table: unit of the times: s, ms, us, ns, min, h, d. Default: by the column's name (`time_ms`), or the size of the numbers.
     #[arg(long, value_name = "UNIT", value_parser = flags::word::<Unit>)]
     time_unit: Option<Unit>,
     /// Table: with --dt, what a row holds: last (sample), mean (since the row before), linear (interpolated).

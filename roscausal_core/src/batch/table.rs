@@ -595,6 +595,7 @@ impl<'a> Rows<'a> {
         let time = match self.time {
             Some((column, unit)) => {
                 self.check_time(&time, column, places)?;
+                let unit = unit.or_else(|| time::unit_of_date(&self.header[column], &time));
                 Some((time, unit))
             }
             None => own_time.map(|time| (time, None)),

@@ -3,6 +3,8 @@
 use chrono::{DateTime, Datelike, NaiveDate, NaiveDateTime, NaiveTime};
 use roscausal_discovery::Named;
 
+use super::steps::median_step;
+
 /// The unit of a column of times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
@@ -18,6 +20,8 @@ pub enum Unit {
     Minutes,
     /// `h`
     Hours,
+    /// `d`
+    Days,
 }
 
 impl Unit {
@@ -30,17 +34,7 @@ impl Unit {
             Self::Nanoseconds => 1e9,
             Self::Minutes => 1.0 / 60.0,
             Self::Hours => 1.0 / 3600.0,
-        }
-    }
-
-    fn plural(self) -> &'static str {
-        match self {
-            Self::Seconds => "seconds",
-            Self::Milliseconds => "milliseconds",
-            Self::Microseconds => "microseconds",
-            Self::Nanoseconds => "nanoseconds",
-            Self::Minutes => "minutes",
-            Self::Hours => "hours",
+            Self::Days => 1.0 / DAY,
         }
     }
 }
@@ -52,7 +46,8 @@ roscausal_discovery::words!(
     Microseconds "us" | "µs" | "usec" | "micros" | "microseconds",
     Nanoseconds "ns" | "nsec" | "nanos" | "nanoseconds",
     Minutes "min" | "mins" | "minutes",
-    Hours "h" | "hr" | "hrs" | "hours"
+    Hours "h" | "hr" | "hrs" | "hours",
+    Days "d" | "day" | "days"
 );
 
 /// Seconds of a day.
@@ -68,8 +63,13 @@ pub(crate) fn in_seconds(mut time: Vec<f64>, known: Option<Unit>) -> (Vec<f64>, 
     {
         return (dates, Some("times are taken as dates, such as 20261124 or 202611".to_owned()));
     }
-    let (unit, reported) = known.map_or_else(|| guessed(&time), |unit| (unit, None));
-    if unit != Unit::Seconds {
+    let sheet =
+        SHEETS.into_iter().find(|first| time.iter().all(|t| (0.0..UNTIL_2100).contains(&(t - first))));
+    let (unit, reported) = known.map_or_else(|| guessed(&time, sheet), |unit| (unit, None));
+    if let (Unit::Days, Some(first)) = (unit, sheet) {
+        // To a millisecond: that is what their digits hold.
+        time.iter_mut().for_each(|t| *t = ((*t - first) * DAY * 1e3).round() / 1e3);
+    } else if unit != Unit::Seconds {
         // The first time is taken off before the division, so that steps keep their digits.
         let (first, per) = (time.first().copied().unwrap_or(0.0), unit.per_second());
         time.iter_mut().for_each(|t| *t = (*t - first) / per + first / per);
@@ -93,20 +93,45 @@ fn begins(day: NaiveDate) -> f64 {
     day.and_time(NaiveTime::MIN).and_utc().timestamp() as f64
 }
 
-fn guessed(time: &[f64]) -> (Unit, Option<String>) {
+/// 1970 as days of spreadsheets, and of MATLAB: numbers from there to 2100 may be these.
+const SHEETS: [f64; 2] = [25_569.0, 719_529.0];
+const UNTIL_2100: f64 = 47_482.0;
+/// Steps of a clock, seconds.
+const CLOCK: [f64; 12] = [1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 300.0, 600.0, 900.0, 1800.0, 3600.0];
+
+/// The unit of whole numbers in a column that is called a date, if they may be days of a spreadsheet.
+pub(super) fn unit_of_date(name: &str, time: &[f64]) -> Option<Unit> {
+    let is_day = |t: &f64| t.fract() == 0.0 && (0.0..UNTIL_2100).contains(&(t - SHEETS[0]));
+    (name.to_lowercase().contains("date") && time.iter().all(is_day)).then_some(Unit::Days)
+}
+
+/// `sheet`: they may be days of a spreadsheet.
+fn guessed(time: &[f64], sheet: Option<f64>) -> (Unit, Option<String>) {
     let first = time.first().copied().unwrap_or(0.0).abs();
     // From 1973 to 5138 in each unit.
     let since_1970 = [Unit::Seconds, Unit::Milliseconds, Unit::Microseconds, Unit::Nanoseconds];
     if let Some(unit) = since_1970.into_iter().find(|unit| (1e8..1e11).contains(&(first / unit.per_second())))
     {
         let reported =
-            (unit != Unit::Seconds).then(|| format!("times are taken as {} since 1970", unit.plural()));
+            (unit != Unit::Seconds).then(|| format!("times are taken as {} since 1970", unit.name()));
         return (unit, reported);
     }
     let whole = time.iter().all(|t| t.fract() == 0.0);
     let span = time.last().copied().unwrap_or(0.0) - time.first().copied().unwrap_or(0.0);
     let step = span / (time.len().max(2) - 1) as f64;
     let otherwise = Named("time_unit");
+    if let Some(first) = sheet.filter(|_| time.len() > 2) {
+        // As days they are whole seconds at the steps of a clock, or at less than one.
+        let seconds = median_step(time).unwrap_or(step) * DAY;
+        let is_whole = |t: &f64| ((t - first) * DAY - ((t - first) * DAY).round()).abs() < 0.05;
+        let is_step = CLOCK.into_iter().any(|of| (seconds / of - 1.0).abs() < 0.01);
+        if (1e-9..0.99).contains(&seconds) || (is_step && time.iter().all(is_whole)) {
+            return (Unit::Days, Some(format!("times are taken as days ({otherwise} says otherwise)")));
+        }
+        if whole && step < 5.0 {
+            return (Unit::Seconds, Some(format!("times are taken as seconds ({otherwise} says otherwise)")));
+        }
+    }
     if whole && step >= 1e6 {
         let reported = format!(
             "times are taken as nanoseconds, by the size of their steps ({otherwise} says otherwise)"
@@ -244,6 +269,36 @@ mod tests {
         );
         assert_eq!(in_seconds(time(100.0), Some(Unit::Milliseconds)), (time(0.1), None));
         assert_eq!(in_seconds(time(0.1), None), (time(0.1), None));
+    }
+
+    #[test]
+    fn days_of_a_spreadsheet_are_known_by_their_steps_or_by_the_name() {
+        let days = |first: f64, step: f64, digits: usize| -> Vec<f64> {
+            (0..40).map(|k| format!("{:.digits$}", first + step * f64::from(k)).parse().unwrap()).collect()
+        };
+        for (step, digits) in [(1800.0, 8), (60.0, 6), (1.0, 10), (0.1, 9), (3600.0, 8)] {
+            for first in [45123.5, 739_000.25] {
+                let (time, told) = in_seconds(days(first, step / DAY, digits), None);
+                assert!((time[39] - time[0] - 39.0 * step).abs() < 0.2, "{step} {}", time[39] - time[0]);
+                assert!(told.is_some_and(|told| told.contains("as days")), "{step}");
+            }
+        }
+        // 2023-07-16, a Sunday.
+        assert_eq!(in_seconds(days(45123.0, 1.0, 0), Some(Unit::Days)).0[0], 1_689_465_600.0);
+        assert_eq!(in_seconds(vec![0.0, 0.5, 1.0], Some(Unit::Days)).0, [0.0, DAY / 2.0, DAY]);
+        assert_eq!(unit_of_date("Date", &days(45123.0, 1.0, 0)), Some(Unit::Days));
+        assert_eq!(unit_of_date("time", &days(45123.0, 1.0, 0)), None);
+        // Clocks of that many seconds: 10, 100 and 2000 Hz, 24 Hz of a clock with thousandths, one a second.
+        for (first, step, digits) in [
+            (45123.5, 0.1, 3),
+            (30000.0, 0.01, 3),
+            (30000.0, 0.0005, 4),
+            (45123.517, 1.0 / 24.0, 6),
+            (45123.0, 1.0, 0),
+        ] {
+            let time = days(first, step, digits);
+            assert_eq!(in_seconds(time.clone(), None).0, time, "{step}");
+        }
     }
 
     #[test]
