@@ -238,9 +238,10 @@ fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<
         Data::read(args, &mut request.settings, interrupt, quiet, keep)?;
     let data = data.with_named_vectors(&request.vectors)?;
     if args.how.method.finds_lag() {
-        let lag = &mut request.settings.tau_max;
-        let later = DataProfile::of(&data, *lag).0.with_later(&data, *lag, dt).later;
-        *lag = later.first().map_or(*lag, |later| later.tau_max);
+        let (lag, test) = (request.settings.tau_max, request.settings.asked_test());
+        let later = DataProfile::of(&data, lag).0.with_later(&data, lag, Some(test), dt).later;
+        let lag = later.first().map_or(lag, |later| later.tau_max);
+        request.settings.tau_max = lag;
         warnings.push(format!("the largest lag is {lag}, as far as dependence is seen"));
     }
     if args.how.method.is_auto() {
@@ -250,8 +251,7 @@ fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<
     let profile = look_at(&data, &origins, args, &settings)?;
     let Levelled { data, settings, note } = Levelled::of(data, &runs, settings);
     warnings.extend(note);
-    let profile =
-        if settings.test.as_tigramite { profile } else { profile.with_later(&data, settings.tau_max, dt) };
+    let profile = profile.with_later(&data, settings.tau_max, settings.looked_for(), dt);
     if let Some(reported) = estimate::check(&data, &settings, resampling.as_ref(), &args.how.means)? {
         tell!("{reported}");
     }

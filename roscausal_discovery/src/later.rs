@@ -5,6 +5,8 @@
 //!    looked at) is taken out too, and so on.
 //! 3. The longest lag found, and one more, is the advice.
 //!
+//! For a test that sees any shape, so are the variables' distances from their means: `y = x^2` has no line.
+//!
 //! Example: people slow down 0.2 s after the robot comes near, rows are 0.1 s apart, and `tau_max` is 1: the dependence at lag 2
 //! is seen here.
 
@@ -35,6 +37,9 @@ const WEAKEST: f64 = 0.1;
 /// Share of its variance that a variable keeps at least, given the tested lags: what is left of an exact effect is rounding, and the
 /// difference of means at the ends of a recording.
 const EXPLAINED: f64 = 1e-3;
+/// Distances from the mean, in standard deviations: farther ones count as this, and about what the mean one is.
+const FARTHEST: f64 = 3.0;
+const USUAL: f64 = 0.8;
 
 /// A dependence at a lag that was not tested.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,16 +50,17 @@ pub struct Later {
     pub effect: String,
     /// Steps between them.
     pub lag: usize,
-    /// Partial correlation, given all variables at the lags that are tested.
+    /// Partial correlation, given all variables at the lags that are tested; of the cause, or of its distance from its mean.
     pub strength: f64,
     /// The largest lag that would test all that were found.
     pub tau_max: usize,
 }
 
 impl Later {
-    /// The strongest dependence of each pair beyond `tau_max`, strongest first; none with too few rows.
-    pub fn of(data: &DataFrame, tau_max: usize, memory: f64) -> Vec<Self> {
-        let n = data.n_vars();
+    /// The strongest dependence of each pair beyond `tau_max`, on a line or of any shape, strongest first; none with too few rows.
+    pub fn of(data: &DataFrame, tau_max: usize, memory: f64, any_shape: bool) -> Vec<Self> {
+        let vars = data.n_vars();
+        let n = if any_shape { 2 * vars } else { vars };
         let most = (MOST_COLUMNS / n.max(1)).saturating_sub(1);
         let lags = tau_max
             .saturating_add((2.0 * memory).ceil() as usize)
@@ -63,7 +69,7 @@ impl Later {
         if lags <= tau_max {
             return Vec::new();
         }
-        let (mut gram, rows) = gram(data, lags);
+        let (mut gram, rows) = gram(data, n, lags);
         let given = n * tau_max;
         if rows < 3 * given + 50 {
             return Vec::new();
@@ -72,9 +78,9 @@ impl Later {
         for (var, lag) in (0..n).flat_map(|var| (1..=tau_max).map(move |lag| (var, lag))) {
             sweep(&mut gram, at(var, lag));
         }
-        let tests = (n * n * (lags - tau_max)) as f64;
+        let tests = (n * vars * (lags - tau_max)) as f64;
         let mut found: Vec<(usize, usize, usize, f64)> = Vec::new();
-        for effect in 0..n {
+        for effect in 0..vars {
             let (mut left, mut taken) = (gram.clone(), given);
             let target = at(effect, 0);
             loop {
@@ -95,7 +101,7 @@ impl Later {
                 if p * tests > LEVEL || r.abs() < WEAKEST || taken > given + 2 * n {
                     break;
                 }
-                found.push((var, effect, lag, r));
+                found.push((var % vars, effect, lag, r));
                 sweep(&mut left, at(var, lag));
                 taken += 1;
             }
@@ -139,9 +145,9 @@ impl Later {
 }
 
 /// Products of all variables at lags 0 to `lags`, summed over the rows that have them all, and how many these are. Each recording has
-/// mean 0; a row without some value ends a stretch.
-fn gram(data: &DataFrame, lags: usize) -> (Array2<f64>, usize) {
-    let (n, size) = (data.n_vars(), data.n_vars() * (lags + 1));
+/// mean 0; a row without some value ends a stretch. Of `wide` columns, those behind the variables are their distances from the means.
+fn gram(data: &DataFrame, wide: usize, lags: usize) -> (Array2<f64>, usize) {
+    let (n, size) = (data.n_vars(), wide * (lags + 1));
     let (means, deviations): (Vec<Vec<f64>>, Vec<f64>) = (0..n).map(|var| measured(data, var)).unzip();
     let (mut gram, mut count) = (Array2::zeros((size, size)), 0);
     let all: usize = data.recordings().iter().map(|recording| recording.nrows()).sum();
@@ -155,10 +161,13 @@ fn gram(data: &DataFrame, lags: usize) -> (Array2<f64>, usize) {
             let most = recording.nrows().min(row + lags + until - count);
             let end = (row..most).find(|row| !is_whole(row)).unwrap_or(most);
             if end > row + lags {
-                let value = |var: usize, value: &f64| (value - means[var][k]) / deviations[var];
-                let column =
-                    |var: usize| recording.slice(s![row..end, var]).iter().map(|v| value(var, v)).collect();
-                let columns: Vec<Vec<f64>> = (0..n).map(column).collect();
+                let of = |var: usize, value: &f64| (value - means[var][k]) / deviations[var];
+                let bent = |value: f64| value.abs().min(FARTHEST) - USUAL;
+                let value = |var: usize, v: &f64| if var < n { of(var, v) } else { bent(of(var - n, v)) };
+                let column = |var: usize| {
+                    recording.slice(s![row..end, var % n]).iter().map(|v| value(var, v)).collect()
+                };
+                let columns: Vec<Vec<f64>> = (0..wide).map(column).collect();
                 add(&mut gram, &columns.iter().map(Vec::as_slice).collect::<Vec<_>>(), lags);
                 count += end - row - lags;
             }

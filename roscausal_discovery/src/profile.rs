@@ -162,10 +162,11 @@ impl DataProfile {
         self
     }
 
-    /// Looks for a period that variables share and, where there is none, for dependence at longer lags than `tau_max`, and for dependence
-    /// that changes. `dt` is the step in seconds, if known.
+    /// Looks for a period that variables share and, where there is none, for dependence at longer ones than `lags`, and for dependence
+    /// that changes, of a shape that this test sees; `None`: for nothing. `dt` is the step in seconds, if known.
     #[must_use]
-    pub fn with_later(mut self, data: &DataFrame, tau_max: usize, dt: Option<f64>) -> Self {
+    pub fn with_later(mut self, data: &DataFrame, lags: usize, test: Option<&str>, dt: Option<f64>) -> Self {
+        let Some(test) = test else { return self };
         self.season = Season::of(data);
         if let Some(season) = &self.season {
             self.remarks.insert(0, season.reported(dt));
@@ -175,18 +176,19 @@ impl DataProfile {
         let memory = self.variables.iter().filter(|v| v.distinct > 1);
         let memory =
             memory.map(|v| (rows - v.missing) as f64 / v.effective_samples.max(1.0)).fold(1.0, f64::max);
-        let mut later = Later::of(data, tau_max, memory);
+        let any_shape = ["gpdc", "gpdcpython", "cmiknn"].contains(&test);
+        let mut later = Later::of(data, lags, memory, any_shape);
         // Two that drift depend at any lag; what their changes show, too, is more than that.
         let drift = |one: &Later| self.both_drift([&one.cause, &one.effect]);
         if later.iter().any(drift) {
-            let seen = changes(data).map_or_else(Vec::new, |data| Later::of(&data, tau_max, memory));
+            let seen = changes(data).map_or_else(Vec::new, |data| Later::of(&data, lags, memory, any_shape));
             let is = |a: &Later, b: &Later| a.cause == b.cause && a.effect == b.effect;
             later.retain(|one| !drift(one) || seen.iter().any(|of| is(of, one)));
             let advised = later.iter().map(|one| one.lag + 1).max().unwrap_or(0);
             later.iter_mut().for_each(|one| one.tau_max = advised);
         }
         self.later = later;
-        self.unsteady = Unsteady::of(data, tau_max);
+        self.unsteady = Unsteady::of(data, lags);
         let reported = [Later::reported(&self.later, dt), Unsteady::reported(&self.unsteady, dt)];
         self.remarks.splice(0..0, reported.into_iter().flatten());
         self

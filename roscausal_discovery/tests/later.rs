@@ -44,7 +44,7 @@ fn system(seed: u64, links: usize, lags: std::ops::RangeInclusive<usize>) -> (Da
 
 fn advised(data: &DataFrame) -> usize {
     let (profile, _) = DataProfile::of(data, 1);
-    profile.with_later(data, 1, Some(0.1)).later.first().map_or(1, |later| later.tau_max)
+    profile.with_later(data, 1, Some("parcorr"), Some(0.1)).later.first().map_or(1, |later| later.tau_max)
 }
 
 #[test]
@@ -67,6 +67,43 @@ fn there_is_no_advice_without_longer_lags() {
     }
 }
 
+/// Effects that no line shows, after `lags`: the cause counts by how far it is from 0.
+fn bent(seed: u64, lags: std::ops::RangeInclusive<usize>) -> (DataFrame, usize) {
+    let mut seed = mix(seed + 77) >> 1;
+    let span = (lags.end() - lags.start() + 1) as f64;
+    let lag = lags.start() + (uniform(&mut seed) * span) as usize;
+    let mut values = Array2::<f64>::zeros((700, 3));
+    for t in 6..700 {
+        let driven = [0.0, 1.2 * (values[[t - lag, 0]].abs() - 0.9), 0.0];
+        for var in 0..3 {
+            values[[t, var]] = 0.4 * values[[t - 1, var]] + driven[var] + normal(&mut seed);
+        }
+    }
+    (DataFrame::new(vec![values], ["x", "y", "z"].map(str::to_owned).to_vec()).unwrap(), lag)
+}
+
+#[test]
+fn a_test_of_any_shape_is_shown_longer_lags_that_no_line_has() {
+    let advised = |data: &DataFrame, test: &str| {
+        let profile = DataProfile::of(data, 1).0.with_later(data, 1, Some(test), None);
+        profile.later.first().map_or(1, |later| later.tau_max)
+    };
+    let (mut contained, mut by_a_line) = (0, 0);
+    for seed in 0..100 {
+        let (data, lag) = bent(seed, 2..=6);
+        contained += usize::from((lag..=2 * lag).contains(&advised(&data, "gpdc")));
+        by_a_line += usize::from(advised(&data, "parcorr") >= lag);
+    }
+    assert!(contained >= 90 && by_a_line <= 20, "{contained} {by_a_line}");
+    for (links, what) in [(3, "lag 1"), (0, "no links")] {
+        let quiet = |seed: &u64| advised(&system(900 + seed, links, 1..=1).0, "gpdc") == 1;
+        let quiet = (0..100).filter(quiet).count();
+        assert!(quiet >= 95, "{what}: {quiet}");
+    }
+    let quiet = (0..100).filter(|&seed| advised(&bent(seed, 1..=1).0, "gpdc") == 1).count();
+    assert!(quiet >= 95, "bent at lag 1: {quiet}");
+}
+
 #[test]
 fn recordings_and_missing_values_are_kept_apart_and_the_sentence_says_when() {
     let mut parts: Vec<Array2<f64>> =
@@ -79,7 +116,7 @@ fn recordings_and_missing_values_are_kept_apart_and_the_sentence_says_when() {
         part[[100, 1]] = f64::NAN;
     }
     let data = DataFrame::new(parts, ["near", "b", "speed"].map(str::to_owned).to_vec()).unwrap();
-    let found = Later::of(&data, 1, 2.0);
+    let found = Later::of(&data, 1, 2.0, false);
     assert!(
         found
             .iter()
@@ -91,7 +128,7 @@ fn recordings_and_missing_values_are_kept_apart_and_the_sentence_says_when() {
             .starts_with("dependence of speed on near at lag 4 (0.4 s), beyond the lags that were tested; "),
         "{reported}"
     );
-    assert_eq!(Later::of(&data, 400, 2.0), []);
+    assert_eq!(Later::of(&data, 400, 2.0, false), []);
 }
 
 #[test]
@@ -105,7 +142,10 @@ fn of_more_rows_than_are_looked_at_each_recording_has_its_share_in_any_order() {
     }
     let of = |parts: Vec<Array2<f64>>| {
         let data = DataFrame::new(parts, vec!["a".into(), "b".into()]).unwrap();
-        Later::of(&data, 1, 2.0).iter().map(|later| (later.cause.clone(), later.lag)).collect::<Vec<_>>()
+        Later::of(&data, 1, 2.0, false)
+            .iter()
+            .map(|later| (later.cause.clone(), later.lag))
+            .collect::<Vec<_>>()
     };
     assert_eq!(of(parts.clone()), [("a".to_owned(), 4)]);
     parts.reverse();
@@ -122,7 +162,7 @@ fn an_exact_effect_leaves_nothing_to_look_for() {
         rows[[t, 0]] = rows[[t - 1, 1]];
     }
     let data = DataFrame::new(vec![rows], vec!["x1".into(), "x2".into()]).unwrap();
-    assert_eq!(Later::of(&data, 1, 2.0), []);
+    assert_eq!(Later::of(&data, 1, 2.0, false), []);
 }
 
 /// Three series with a trend each: b follows a after three rows if `follows`, c neither.
@@ -142,7 +182,7 @@ fn with_trends(follows: bool) -> DataFrame {
 fn trends_alone_are_no_longer_lag_and_hide_none() {
     assert_eq!(advised(&with_trends(false)), 1);
     let (profile, _) = DataProfile::of(&with_trends(true), 1);
-    let later = profile.with_later(&with_trends(true), 1, None).later;
+    let later = profile.with_later(&with_trends(true), 1, Some("parcorr"), None).later;
     assert_eq!(later.len(), 1, "{later:?}");
     assert_eq!((later[0].cause.as_str(), later[0].effect.as_str(), later[0].lag), ("a", "b", 3));
 }

@@ -538,10 +538,8 @@ fn method(
         };
         set_step(&mut model, joint.dt);
         let profile = DataProfile::of(&part.data, settings.tau_max).0.for_test(&settings.cond_ind_test);
-        model.about_data = match settings.test.as_tigramite {
-            true => Some(profile),
-            false => Some(profile.with_later(&part.data, settings.tau_max, joint.dt)),
-        };
+        let profile = profile.with_later(&part.data, settings.tau_max, settings.looked_for(), joint.dt);
+        model.about_data = Some(profile);
         model.warnings.extend(note);
         model.n_recordings = part.data.recordings().len();
         let person = part.person.map_or(String::new(), |id| format!("_person_{id}"));

@@ -108,16 +108,22 @@ impl Settings {
         Error::ensure(self.max_sets != Some(0), "max_sets", || reason)
     }
 
+    /// The test that the method asks, `none` if it asks none.
+    pub fn asked_test(&self) -> &str {
+        if self.method.info().uses_test { &self.cond_ind_test } else { "none" }
+    }
+
+    /// The test for which dependence is looked for that is not tested; `None`: it is not.
+    pub fn looked_for(&self) -> Option<&str> {
+        (!self.test.as_tigramite).then(|| self.asked_test())
+    }
+
     /// A model that holds the settings and no result yet.
     pub fn blank_model(&self) -> Model {
         let mut model = Model {
             schema: model::SCHEMA.to_owned(),
             method: self.method.into(),
-            cond_ind_test: if self.method.info().uses_test {
-                self.cond_ind_test.clone()
-            } else {
-                "none".to_owned()
-            },
+            cond_ind_test: self.asked_test().to_owned(),
             alpha: self.alpha,
             pc_alpha: self.level_of_pc(),
             f_alpha: self.method.reads(Reads::FAlpha).then_some(self.f_alpha.unwrap_or(self.alpha)),
