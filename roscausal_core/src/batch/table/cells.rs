@@ -3,7 +3,10 @@
 use std::collections::BTreeMap;
 
 /// Words for a missing value, in lower case.
-const MISSING: [&str; 10] = ["", "nan", "na", "n/a", "null", "none", "-", "?", "#n/a", "nat"];
+const MISSING: [&str; 20] = [
+    "", "nan", "na", "n/a", "null", "none", "-", "?", "#n/a", "nat", "--", ".", "<na>", "#na", "#div/0!",
+    "#value!", "1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan",
+];
 
 /// How the cells of a file are read.
 #[derive(Clone, Debug, Default)]
@@ -38,7 +41,7 @@ impl Cells<'_> {
         if MISSING.iter().any(|word| text.eq_ignore_ascii_case(word)) {
             return Some(f64::NAN);
         }
-        let truths = [("true", 1.0), ("false", 0.0), ("yes", 1.0), ("no", 0.0)];
+        let truths = [("true", 1.0), ("false", 0.0), ("yes", 1.0), ("no", 0.0), ("on", 1.0), ("off", 0.0)];
         if let Some((_, value)) = truths.into_iter().find(|(word, _)| text.eq_ignore_ascii_case(word)) {
             return Some(value);
         }
@@ -97,9 +100,15 @@ mod tests {
     #[test]
     fn numbers_come_in_many_spellings() {
         let comma = Cells { decimal_comma: true, ..Cells::default() };
-        for (cell, value) in
-            [("1.5", 1.5), ("1,5", 1.5), (" 2 ", 2.0), ("True", 1.0), ("no", 0.0), ("-1e3", -1000.0)]
-        {
+        for (cell, value) in [
+            ("1.5", 1.5),
+            ("1,5", 1.5),
+            (" 2 ", 2.0),
+            ("True", 1.0),
+            ("no", 0.0),
+            ("On", 1.0),
+            ("-1e3", -1000.0),
+        ] {
             assert_eq!(Cells::default().number(cell), Ok(Some(value)), "{cell}");
         }
         assert_eq!(comma.number("1.234,5"), Ok(Some(1234.5)));
@@ -111,7 +120,10 @@ mod tests {
     #[test]
     fn missing_values_have_many_names() {
         let cells = Cells { missing: &[-999.0], ..Cells::default() };
-        for cell in ["", "NaN", "NA", "n/a", "null", "None", "-", "?", "-999", "-999.0", "NaT"] {
+        for cell in [
+            "", "NaN", "NA", "n/a", "null", "None", "-", "--", ".", "?", "<NA>", "#DIV/0!", "-1.#IND",
+            "-999", "-999.0", "NaT",
+        ] {
             assert!(matches!(cells.number(cell), Ok(Some(value)) if value.is_nan()), "{cell}");
         }
         assert_eq!(Cells::default().number("-999"), Ok(Some(-999.0)));

@@ -9,10 +9,10 @@ use roscausal_discovery::names;
 use super::{Complaint, Parsed, Reading, time::Unit};
 
 /// Names of the column of sample times, which is not a variable; a unit may follow (`time_ms`, `Time [s]`).
-const TIME_NAMES: [&str; 22] = [
+const TIME_NAMES: [&str; 24] = [
     "time", "t", "timestamp", "stamp", "datetime", "date_time", "date", "header.stamp", "header_stamp",
     "ros_time", "rosbagtimestamp", "time_stamp", "elapsed", "elapsed_time", "sim_time", "unix_time", "epoch",
-    "ts", "clock", "zeit", "yyyymmdd", "yyyymm",
+    "ts", "clock", "zeit", "datum", "uhrzeit", "yyyymmdd", "yyyymm",
 ];
 
 /// The column of times, and the unit in its name.
@@ -228,6 +228,7 @@ mod tests {
         for (name, unit) in [
             ("Time", None),
             ("%time", None),
+            ("Datum", None),
             ("__time", None),
             (".header.stamp", None),
             ("time_ms", Some(Unit::Milliseconds)),

@@ -156,7 +156,7 @@ pub(super) fn split_seconds(stamp: i64, per_second: f64) -> f64 {
 
 /// A date and time in seconds since 1970, or a time of day in seconds since midnight. ISO 8601, with or without a zone (then
 /// UTC): `2026-11-24T08:30:00.25+01:00`, `2026-11-24 08:30:00`, `2026-11-24`, `08:30:00.25`, `20261124T083000Z`; also `2026/11/24`,
-/// `24.11.2026` with the day first, `08:30:00 PM`, a month, `1974-01`, `1974M01` or `Jan-1974`, and a quarter, `1974Q1`. What may be day or month, such as `01/02/2026`, is none.
+/// `24.11.2026` and `24-Nov-2026` with the day first, `08:30:00 PM`, a month, `1974-01`, `1974M01` or `Jan-1974`, and a quarter, `1974Q1`. What may be day or month, such as `01/02/2026`, is none.
 pub(crate) fn date(text: &str) -> Option<f64> {
     let text = text.trim();
     if let Some((year, quarter)) = text.split_once('Q') {
@@ -172,47 +172,30 @@ pub(crate) fn date(text: &str) -> Option<f64> {
         return None;
     }
     let seconds = |whole: i64, nanoseconds: u32| whole as f64 + f64::from(nanoseconds) * 1e-9;
-    let zoned = DateTime::parse_from_rfc3339(text)
-        .ok()
-        .or_else(|| DateTime::parse_from_str(text, "%Y-%m-%d %H:%M:%S%.f%#z").ok())
-        .or_else(|| DateTime::parse_from_str(text, "%Y-%m-%dT%H:%M:%S%.f%#z").ok())
-        .or_else(|| DateTime::parse_from_str(text, "%Y-%m-%d %H:%M:%S%.f %#z").ok())
-        .or_else(|| DateTime::parse_from_str(text, "%Y%m%dT%H%M%S%.f%#z").ok());
+    let zoned = |format: &&str| DateTime::parse_from_str(text, format).ok();
+    let with_zone =
+        ["%F %T%.f%#z", "%FT%T%.f%#z", "%F %T%.f %#z", "%Y%m%dT%H%M%S%.f%#z", "%F %H:%M%#z", "%FT%H:%M%#z"];
+    let zoned = DateTime::parse_from_rfc3339(text).ok().or_else(|| with_zone.iter().find_map(zoned));
     if let Some(zoned) = zoned {
         return Some(seconds(zoned.timestamp(), zoned.timestamp_subsec_nanos()));
     }
     let text = text.trim_end_matches('Z').trim_end_matches(" UTC");
-    for format in [
-        "%Y-%m-%dT%H:%M:%S%.f",
-        "%Y-%m-%d %H:%M:%S%.f",
-        "%Y/%m/%d %H:%M:%S%.f",
-        "%Y-%m-%d %H:%M",
-        "%Y-%m-%dT%H:%M",
-        "%Y/%m/%d %H:%M",
-        "%d.%m.%Y %H:%M:%S%.f",
-        "%d.%m.%Y %H:%M",
-        "%Y%m%dT%H%M%S%.f",
-        "%Y%m%dT%H%M",
-        "%Y-%m-%d %I:%M:%S%.f %p",
-        "%Y-%m-%d %I:%M %p",
-        "%Y/%m/%d %I:%M:%S%.f %p",
-        "%Y/%m/%d %I:%M %p",
-        "%d.%m.%Y %I:%M:%S%.f %p",
-    ] {
+    let formats = [
+        "%FT%T%.f", "%F %T%.f", "%Y/%m/%d %T%.f", "%F %H:%M", "%FT%H:%M", "%Y/%m/%d %H:%M", "%d.%m.%Y %T%.f",
+        "%d.%m.%Y %H:%M", "%d-%b-%Y %T%.f", "%d-%b-%Y %H:%M", "%Y%m%dT%H%M%S%.f", "%Y%m%dT%H%M",
+        "%F %I:%M:%S%.f %p", "%F %I:%M %p", "%Y/%m/%d %I:%M %p",
+    ];
+    for format in formats.into_iter().chain(["%Y/%m/%d %I:%M:%S%.f %p", "%d.%m.%Y %I:%M:%S%.f %p"]) {
         if let Some(found) = NaiveDateTime::parse_from_str(text, format).ok().filter(has_year) {
             let found = found.and_utc();
             return Some(seconds(found.timestamp(), found.timestamp_subsec_nanos()));
         }
     }
-    let day = ["%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y"]
+    let day = ["%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d-%b-%Y"]
         .into_iter()
         .find_map(|format| NaiveDate::parse_from_str(text, format).ok().filter(has_year));
     if let Some(day) = day {
         return Some(begins(day));
-    }
-    let zoned = |format: &&str| DateTime::parse_from_str(text, format).ok();
-    if let Some(zoned) = ["%Y-%m-%d %H:%M%#z", "%Y-%m-%dT%H:%M%#z"].iter().find_map(zoned) {
-        return Some(zoned.timestamp() as f64);
     }
     let of_day = ["%H:%M:%S%.f", "%I:%M:%S%.f %p", "%I:%M %p"]
         .into_iter()
@@ -330,6 +313,8 @@ mod tests {
             ("1970/01/02", 86400.0),
             ("1970/1/2 00:01", 86460.0),
             ("2.1.1970", 86400.0),
+            ("02-Jan-1970", 86400.0),
+            ("2-jan-1970 00:01:00.5", 86460.5),
             ("02.01.1970 00:00:01.5", 86401.5),
             ("00:00:02.25", 2.25),
             ("1970Q2", 90.0 * 86400.0),
@@ -352,7 +337,7 @@ mod tests {
         }
         for text in [
             "", "1.5", "-3", "walk-fast", "3T", "20261124", "13:00 PM", "12:30", "01/02/1970 00:00:00",
-            "1.2.3", "31.31.1970", "0.1.0", "1970Q5", "Q1",
+            "01-02-1970", "1.2.3", "31.31.1970", "0.1.0", "1970Q5", "Q1",
         ] {
             assert_eq!(date(text), None, "{text}");
         }
