@@ -683,6 +683,8 @@ impl<'a> Rows<'a> {
     }
 
     fn not_a_number(&self, cell: &str, column: usize, place: u64) -> Complaint {
+        let is_second = !self.nameless && self.line(place) == self.before + 2;
+        let units = if is_second { " (units, or a second header? remove the line)" } else { "" };
         let (place, short) = (self.place(column, place), shortened(cell));
         if let (0, Err(side)) = (column, check_stands(self.names_are_numbers(1), (1, self.header.len()))) {
             return side;
@@ -695,7 +697,7 @@ impl<'a> Rows<'a> {
         }
         let (encode, recording, name) = (Named("encode"), Named("recording"), &self.header[column]);
         Complaint::from(format!(
-            "{place}: '{short}' is not a number; correct it, leave the cell empty, name the columns to use with {columns}, turn words into \
+            "{place}: '{short}' is not a number{units}; correct it, leave the cell empty, name the columns to use with {columns}, turn words into \
              codes with {encode} codes, or, if they say whose a row is, make recordings of them with {recording} '{name}'"
         ))
     }

@@ -44,6 +44,10 @@ fn a_complaint_names_line_column_and_the_way_out() {
          --columns, turn words into codes with --encode codes, or, if they say whose a row is, make recordings of them with \
          --recording 'b'"
     );
+    assert!(
+        complaint("a,b\nm,kg\n1,2\n")
+            .contains("'m' is not a number (units, or a second header? remove the line);")
+    );
     assert!(complaint("a,b\n1,2\n3\n").starts_with("line 3 has 1 cells, the header has 2 names"));
     assert!(complaint("a,b\n1,2\n1,2,3\n").starts_with("line 3 has 3 cells"));
     assert!(complaint("a,b,a\n1,2,3\n").contains("both column 1 and column 3"));
