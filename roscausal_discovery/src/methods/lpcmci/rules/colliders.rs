@@ -14,61 +14,57 @@ use crate::{
 };
 
 /// A ** B ** C unshielded: tests both links given what separates A and C; where both stay and B is in no such set, heads at B.
-pub(super) fn r0a(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
-    let mut proposals = Proposals::default();
+pub(super) fn r0a(search: &mut Search<'_, '_>, proposals: &mut Proposals) -> Result<()> {
     for [a, b, c] in search.graph.unshielded() {
         let (Some(ab), Some(cb)) = (search.graph.get(a, b), search.graph.get(c, b)) else { continue };
-        let goes = test_again(search, a, b, c, ab, &mut proposals)?;
-        if test_again(search, c, b, a, cb, &mut proposals)? || goes {
+        let goes = test_again(search, a, b, c, ab, proposals)?;
+        if test_again(search, c, b, a, cb, proposals)? || goes {
             continue;
         }
         let ends = [ab.right, cb.right];
         let contradictory = [ab, cb].iter().any(|link| link.middle == Middle::Conflict);
         let known = ends.iter().any(|end| matches!(end, Tail | Conflict)) || ends == [Head, Head];
         if !known && !contradictory && search.separates_without(b, a, c)? {
-            collide(&mut proposals, b, a, only_lagged);
-            collide(&mut proposals, b, c, only_lagged);
+            proposals.head(b, a);
+            proposals.head(b, c);
         }
     }
-    Ok(proposals)
+    Ok(())
 }
 
 /// A **> B o!+ C unshielded: tests A-B given what separates A and C; where it stays and B is in no such set, a head at B on C-B.
-pub(super) fn r0b(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
-    let mut proposals = Proposals::default();
+pub(super) fn r0b(search: &mut Search<'_, '_>, proposals: &mut Proposals) -> Result<()> {
     for ([a, b, c], [ab, bc]) in both_ways(search) {
-        if ab.right != Head || !is_open(b, c, bc) || test_again(search, a, b, c, ab, &mut proposals)? {
+        if ab.right != Head || !is_open(b, c, bc) || test_again(search, a, b, c, ab, proposals)? {
             continue;
         }
         if ab.middle != Middle::Conflict && search.separates_without(b, a, c)? {
-            collide(&mut proposals, b, c, only_lagged);
+            proposals.head(b, c);
         }
     }
-    Ok(proposals)
+    Ok(())
 }
 
 /// A *-* B o!+ C unshielded, B in no separating set: a head at B on C-B.
-pub(super) fn r0c(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
-    let mut proposals = Proposals::default();
+pub(super) fn r0c(search: &mut Search<'_, '_>, proposals: &mut Proposals) -> Result<()> {
     for ([a, b, c], [ab, bc]) in both_ways(search) {
         if ab.is_final() && is_open(b, c, bc) && search.separates_without(b, a, c)? {
-            collide(&mut proposals, b, c, only_lagged);
+            proposals.head(b, c);
         }
     }
-    Ok(proposals)
+    Ok(())
 }
 
 /// A *-o B o-* C or A *-> B o-* C unshielded, B in no separating set: heads at B on both.
-pub(super) fn r0d(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
-    let mut proposals = Proposals::default();
+pub(super) fn r0d(search: &mut Search<'_, '_>, proposals: &mut Proposals) -> Result<()> {
     for ([a, b, c], [ab, bc]) in both_ways(search) {
         let fits = ab.is_final() && bc.is_final() && matches!(ab.right, Circle | Head) && bc.left == Circle;
         if fits && search.separates_without(b, a, c)? {
-            collide(&mut proposals, b, a, only_lagged);
-            collide(&mut proposals, b, c, only_lagged);
+            proposals.head(b, a);
+            proposals.head(b, c);
         }
     }
-    Ok(proposals)
+    Ok(())
 }
 
 /// B o!+ C: no set of C's parents separates them.
@@ -76,13 +72,6 @@ fn is_open(b: Node, c: Node, bc: Link) -> bool {
     let half = if before(b, c) { Middle::Right } else { Middle::Left };
     let exhausted = bc.middle == Middle::Both || bc.middle == half;
     exhausted && bc.left == Circle && matches!(bc.right, Circle | Head)
-}
-
-/// B does not cause `end`.
-fn collide(proposals: &mut Proposals, b: Node, end: Node, only_lagged: bool) {
-    if !only_lagged || b.lag != end.lag {
-        proposals.head(b, end);
-    }
 }
 
 /// Tests a link A-B that is not final given each weakly minimal set that separates A and C; whether it goes.

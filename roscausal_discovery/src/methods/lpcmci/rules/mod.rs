@@ -36,21 +36,27 @@ pub(super) struct Proposals {
     remove: Vec<(Pair, Vec<Node>)>,
     /// Links that stay.
     fix: Vec<Pair>,
+    /// Links at lag 0 are not oriented.
+    only_lagged: bool,
 }
 
 impl Proposals {
+    fn may_orient(&self, a: Node, b: Node) -> bool {
+        !self.only_lagged || a.lag != b.lag
+    }
+
     /// `a` causes `b`.
     fn tail(&mut self, a: Node, b: Node) {
-        self.causes.push((a, b, true));
+        self.causes.extend(self.may_orient(a, b).then_some((a, b, true)));
     }
 
     /// `a` does not cause `b`.
     fn head(&mut self, a: Node, b: Node) {
-        self.causes.push((a, b, false));
+        self.causes.extend(self.may_orient(a, b).then_some((a, b, false)));
     }
 }
 
-type Rule = fn(&mut Search<'_, '_>, bool) -> Result<Proposals>;
+type Rule = fn(&mut Search<'_, '_>, &mut Proposals) -> Result<()>;
 
 const SHORT: &[Rule] = &[paths::apr, triangles::r8, triangles::r2, triangles::r1, paths::r9, paths::r10];
 const COLLIDERS: &[Rule] = &[colliders::r0d];
@@ -80,7 +86,8 @@ pub(super) fn apply_rules(search: &mut Search<'_, '_>, rules: Rules, only_lagged
     let mut changed = false;
     let mut at = 0;
     while let Some(rule) = rules.get(at) {
-        let proposals = rule(search, only_lagged)?;
+        let mut proposals = Proposals { only_lagged, ..Proposals::default() };
+        rule(search, &mut proposals)?;
         if apply(search, proposals)? {
             changed = true;
             at = 0;
@@ -93,7 +100,7 @@ pub(super) fn apply_rules(search: &mut Search<'_, '_>, rules: Rules, only_lagged
 
 /// Applies what a rule proposes; whether the graph changed.
 fn apply(search: &mut Search<'_, '_>, proposals: Proposals) -> Result<bool> {
-    let Proposals { causes, remove, fix } = proposals;
+    let Proposals { causes, remove, fix, .. } = proposals;
     let changed = if remove.is_empty() && fix.is_empty() {
         apply_causes(search, &causes)
     } else {

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet, VecDeque};
 
-use super::{Proposals, triangles::may_orient};
+use super::Proposals;
 use crate::{
     methods::lpcmci::{
         graph::{Link, Middle, Pair, before},
@@ -15,21 +15,19 @@ use crate::{
 };
 
 /// A with a tail and a head at B, where no subset of B's parents separates them: the link stays.
-pub(super) fn apr(search: &mut Search<'_, '_>, _: bool) -> Result<Proposals> {
-    let mut proposals = Proposals::default();
+pub(super) fn apr(search: &mut Search<'_, '_>, proposals: &mut Proposals) -> Result<()> {
     for (a, b, link) in search.graph.readings() {
         let half = if before(a, b) { Middle::Right } else { Middle::Left };
         if link.left == Tail && link.right == Head && (link.middle == Middle::Both || link.middle == half) {
             proposals.fix.push(Pair::of(a, b).0);
         }
     }
-    Ok(proposals)
+    Ok(())
 }
 
 /// Discriminating paths: X1 ... W, V, Y where every node from X1 to W is a collider and a parent of Y. If V is in what separates
 /// X1 and Y, V --> Y; if not, W <-> V <-> Y.
-pub(super) fn r4(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
-    let mut proposals = Proposals::default();
+pub(super) fn r4(search: &mut Search<'_, '_>, proposals: &mut Proposals) -> Result<()> {
     let graph = &search.graph;
     let mut found = Vec::new();
     for v in graph.nodes() {
@@ -45,20 +43,18 @@ pub(super) fn r4(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Propo
     }
     for (end, w, v, y) in unique(found) {
         if search.separates_with(v, end, y)? {
-            if may_orient(v, y, only_lagged) {
-                proposals.tail(v, y);
-                proposals.head(y, v);
-            }
+            proposals.tail(v, y);
+            proposals.head(y, v);
         } else if search.graph.get(w, v).is_some_and(|wv| wv.right != Conflict)
             && search.separates_without(v, end, y)?
         {
-            for (a, b) in [(v, y), (w, v)].into_iter().filter(|&(a, b)| may_orient(a, b, only_lagged)) {
+            for (a, b) in [(v, y), (w, v)] {
                 proposals.head(a, b);
                 proposals.head(b, a);
             }
         }
     }
-    Ok(proposals)
+    Ok(())
 }
 
 fn is_final_parent(search: &Search<'_, '_>, w: Node, y: Node) -> bool {
@@ -90,9 +86,8 @@ fn ends_of_discriminating_paths(
 }
 
 /// A o*> C, and an uncovered potentially directed path from a neighbour of A to C that A is part of: A --> C.
-pub(super) fn r9(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
-    let mut proposals = Proposals::default();
-    for (a, c) in open_causes(search, only_lagged) {
+pub(super) fn r9(search: &mut Search<'_, '_>, proposals: &mut Proposals) -> Result<()> {
+    for (a, c) in open_causes(search, proposals) {
         let neighbours: Vec<(Node, Link)> = search.graph.neighbours(a).collect();
         for (b, ba) in neighbours {
             let circle_here = ba.right == Circle && matches!(ba.left, Circle | Head);
@@ -125,13 +120,12 @@ pub(super) fn r9(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Propo
             }
         }
     }
-    Ok(proposals)
+    Ok(())
 }
 
 /// A o*> C, and two uncovered potentially directed paths from A over parents of C that start apart: A --> C.
-pub(super) fn r10(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
-    let mut proposals = Proposals::default();
-    for (a, c) in open_causes(search, only_lagged) {
+pub(super) fn r10(search: &mut Search<'_, '_>, proposals: &mut Proposals) -> Result<()> {
+    for (a, c) in open_causes(search, proposals) {
         let is_parent = |(_, link): &(Node, Link)| link.left == Tail && link.right == Head;
         let parents: Vec<(Node, Link)> = search.graph.neighbours(c).filter(is_parent).collect();
         let mut seconds = Vec::new();
@@ -157,15 +151,15 @@ pub(super) fn r10(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Prop
             }
         }
     }
-    Ok(proposals)
+    Ok(())
 }
 
 /// A o*> C.
-fn open_causes(search: &Search<'_, '_>, only_lagged: bool) -> Vec<(Node, Node)> {
+fn open_causes(search: &Search<'_, '_>, proposals: &Proposals) -> Vec<(Node, Node)> {
     let nodes = search.graph.nodes();
     let of = |c: Node| search.graph.neighbours(c).map(move |(a, link)| (a, c, link));
     let open = |&(a, c, link): &(Node, Node, Link)| {
-        link.left == Circle && link.right == Head && may_orient(a, c, only_lagged)
+        link.left == Circle && link.right == Head && proposals.may_orient(a, c)
     };
     nodes.flat_map(of).filter(open).map(|(a, c, _)| (a, c)).collect()
 }

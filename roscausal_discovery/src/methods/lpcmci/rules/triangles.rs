@@ -35,54 +35,44 @@ fn triangles(search: &Search<'_, '_>, fits: impl Fn(Link, Link) -> bool) -> Vec<
     found
 }
 
-pub(super) fn may_orient(a: Node, b: Node, only_lagged: bool) -> bool {
-    !only_lagged || a.lag != b.lag
-}
-
 /// A **> B o*+ C, unshielded, B in the separating sets: B --> C.
-pub(super) fn r1(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
-    let mut proposals = Proposals::default();
+pub(super) fn r1(search: &mut Search<'_, '_>, proposals: &mut Proposals) -> Result<()> {
     for ([a, b, c], [ab, bc]) in both_ways(search) {
         let fits = ab.right == Head && bc.left == Circle && matches!(bc.right, Circle | Head);
-        if fits && may_orient(b, c, only_lagged) && search.separates_with(b, a, c)? {
+        if fits && proposals.may_orient(b, c) && search.separates_with(b, a, c)? {
             proposals.tail(b, c);
             proposals.head(c, b);
         }
     }
-    Ok(proposals)
+    Ok(())
 }
 
 /// A -*> B **> C or A **> B -*> C, and A +*o C: a head at C.
-pub(super) fn r2(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
-    let mut proposals = Proposals::default();
+pub(super) fn r2(search: &mut Search<'_, '_>, proposals: &mut Proposals) -> Result<()> {
     let path =
         |ab: Link, bc: Link| ab.right == Head && bc.right == Head && (ab.left == Tail || bc.left == Tail);
     for (a, c, ac) in triangles(search, path) {
-        let open = matches!(ac.left, Circle | Head) && ac.right == Circle;
-        if open && may_orient(a, c, only_lagged) {
+        if matches!(ac.left, Circle | Head) && ac.right == Circle {
             proposals.head(c, a);
         }
     }
-    Ok(proposals)
+    Ok(())
 }
 
 /// A -*> B -*> C and A o*+ C: A --> C.
-pub(super) fn r8(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
-    let mut proposals = Proposals::default();
+pub(super) fn r8(search: &mut Search<'_, '_>, proposals: &mut Proposals) -> Result<()> {
     let path = |ab: Link, bc: Link| [ab, bc].iter().all(|link| link.left == Tail && link.right == Head);
     for (a, c, ac) in triangles(search, path) {
-        let open = ac.left == Circle && matches!(ac.right, Circle | Head);
-        if open && may_orient(a, c, only_lagged) {
+        if ac.left == Circle && matches!(ac.right, Circle | Head) {
             proposals.tail(a, c);
             proposals.head(c, a);
         }
     }
-    Ok(proposals)
+    Ok(())
 }
 
 /// A **> B <** C unshielded, A +*o D o*+ C with D in the separating sets, D +*o B: a head at B.
-pub(super) fn r3(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Proposals> {
-    let mut proposals = Proposals::default();
+pub(super) fn r3(search: &mut Search<'_, '_>, proposals: &mut Proposals) -> Result<()> {
     let graph = &search.graph;
     let mut candidates = Vec::new();
     for b in graph.nodes() {
@@ -103,9 +93,9 @@ pub(super) fn r3(search: &mut Search<'_, '_>, only_lagged: bool) -> Result<Propo
         }
     }
     for (a, b, c, d) in candidates {
-        if may_orient(b, d, only_lagged) && search.separates_with(d, a, c)? {
+        if proposals.may_orient(b, d) && search.separates_with(d, a, c)? {
             proposals.head(b, d);
         }
     }
-    Ok(proposals)
+    Ok(())
 }
