@@ -32,17 +32,14 @@ impl Search<'_, '_> {
         let mut size = 0;
         while self.settings.max_p_global.is_none_or(|most| size <= most) {
             let (removed, converged) = self.round(|search, pair| search.ancestral_turn(pair, size))?;
-            if removed {
-                let changed = apply_rules(self, Rules::Short, true)?;
-                if changed {
-                    self.update_middles();
-                }
-                size = if changed { 0 } else { size + 1 };
-            } else if converged {
+            if converged && !removed {
                 break;
-            } else {
-                size += 1;
             }
+            let changed = removed && apply_rules(self, Rules::Short, true)?;
+            if changed {
+                self.update_middles();
+            }
+            size = if changed { 0 } else { size + 1 };
         }
         self.set_middles(Middle::Both);
         let with_colliders = !preliminary || self.settings.prelim_with_collider_rules;
@@ -60,13 +57,10 @@ impl Search<'_, '_> {
         let mut size = 0;
         while most.is_none_or(|most| size <= most) {
             let (removed, converged) = self.round(|search, pair| search.non_ancestral_turn(pair, size))?;
-            if removed {
-                size = if apply_rules(self, Rules::Long, false)? { 0 } else { size + 1 };
-            } else if converged {
+            if converged && !removed {
                 break;
-            } else {
-                size += 1;
             }
+            size = if removed && apply_rules(self, Rules::Long, false)? { 0 } else { size + 1 };
         }
         apply_rules(self, Rules::Long, false)?;
         Ok(())
