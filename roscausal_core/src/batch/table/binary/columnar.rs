@@ -6,10 +6,10 @@ use arrow_array::{
     Array, RecordBatch,
     cast::AsArray,
     types::{
-        Date32Type, Date64Type, Decimal128Type, Float16Type, Float32Type, Float64Type, Int8Type, Int16Type,
-        Int32Type, Int64Type, Time32MillisecondType, Time32SecondType, Time64MicrosecondType,
-        Time64NanosecondType, TimestampMicrosecondType, TimestampMillisecondType, TimestampNanosecondType,
-        TimestampSecondType, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
+        ArrowPrimitiveType, Date32Type, Date64Type, Decimal128Type, Float16Type, Float32Type, Float64Type,
+        Int8Type, Int16Type, Int32Type, Int64Type, Time32MillisecondType, Time32SecondType,
+        Time64MicrosecondType, Time64NanosecondType, TimestampMicrosecondType, TimestampMillisecondType,
+        TimestampNanosecondType, TimestampSecondType, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
     },
 };
 use arrow_ipc::reader::{FileReader, StreamReader};
@@ -98,17 +98,13 @@ impl Column {
     }
 }
 
-/// An array as a column; what is null is missing.
+/// The values of an array; what is null is missing.
+fn numbers<T: ArrowPrimitiveType>(array: &dyn Array, value: impl Fn(T::Native) -> f64) -> Vec<f64> {
+    array.as_primitive::<T>().iter().map(|of| of.map_or(f64::NAN, &value)).collect()
+}
+
+/// An array as a column.
 fn column(array: &dyn Array) -> Column {
-    macro_rules! numbers {
-        ($kind:ty, $value:expr) => {
-            array
-                .as_primitive::<$kind>()
-                .iter()
-                .map(|value| value.map_or(f64::NAN, $value))
-                .collect::<Vec<f64>>()
-        };
-    }
     let words = |words: Vec<Option<&str>>| {
         Column::Words(words.into_iter().map(|word| word.map(str::to_owned)).collect())
     };
@@ -119,20 +115,20 @@ fn column(array: &dyn Array) -> Column {
             .iter()
             .map(|value| value.map_or(f64::NAN, |value| f64::from(u8::from(value))))
             .collect(),
-        DataType::Int8 => numbers!(Int8Type, f64::from),
-        DataType::Int16 => numbers!(Int16Type, f64::from),
-        DataType::Int32 => numbers!(Int32Type, f64::from),
-        DataType::Int64 => numbers!(Int64Type, |value| value as f64),
-        DataType::UInt8 => numbers!(UInt8Type, f64::from),
-        DataType::UInt16 => numbers!(UInt16Type, f64::from),
-        DataType::UInt32 => numbers!(UInt32Type, f64::from),
-        DataType::UInt64 => numbers!(UInt64Type, |value| value as f64),
-        DataType::Float16 => numbers!(Float16Type, |value| value.to_f64()),
-        DataType::Float32 => numbers!(Float32Type, f64::from),
-        DataType::Float64 => numbers!(Float64Type, |value| value),
+        DataType::Int8 => numbers::<Int8Type>(array, f64::from),
+        DataType::Int16 => numbers::<Int16Type>(array, f64::from),
+        DataType::Int32 => numbers::<Int32Type>(array, f64::from),
+        DataType::Int64 => numbers::<Int64Type>(array, |value| value as f64),
+        DataType::UInt8 => numbers::<UInt8Type>(array, f64::from),
+        DataType::UInt16 => numbers::<UInt16Type>(array, f64::from),
+        DataType::UInt32 => numbers::<UInt32Type>(array, f64::from),
+        DataType::UInt64 => numbers::<UInt64Type>(array, |value| value as f64),
+        DataType::Float16 => numbers::<Float16Type>(array, |value| value.to_f64()),
+        DataType::Float32 => numbers::<Float32Type>(array, f64::from),
+        DataType::Float64 => numbers::<Float64Type>(array, |value| value),
         DataType::Decimal128(_, scale) => {
             let unit = 10_f64.powi(i32::from(*scale));
-            numbers!(Decimal128Type, |value| value as f64 / unit)
+            numbers::<Decimal128Type>(array, |value| value as f64 / unit)
         }
         DataType::Utf8 => return words(array.as_string::<i32>().iter().collect()),
         DataType::LargeUtf8 => return words(array.as_string::<i64>().iter().collect()),
@@ -142,31 +138,24 @@ fn column(array: &dyn Array) -> Column {
     })
 }
 
+/// Stamps and times of day, so many a second, in seconds.
+fn seconds<T: ArrowPrimitiveType<Native: Into<i64>>>(array: &dyn Array, per: f64) -> Vec<f64> {
+    numbers::<T>(array, |value| time::split_seconds(value.into(), per))
+}
+
 /// Stamps, dates and times of day in seconds; anything else by its name.
 fn times(array: &dyn Array, kind: &DataType) -> Column {
-    macro_rules! seconds {
-        ($kind:ty, $per:expr) => {
-            array
-                .as_primitive::<$kind>()
-                .iter()
-                .map(|value| value.map_or(f64::NAN, |value| time::split_seconds(i64::from(value), $per)))
-                .collect()
-        };
-    }
     Column::Times(match kind {
-        DataType::Timestamp(TimeUnit::Second, _) => seconds!(TimestampSecondType, 1.0),
-        DataType::Timestamp(TimeUnit::Millisecond, _) => seconds!(TimestampMillisecondType, 1_000.0),
-        DataType::Timestamp(TimeUnit::Microsecond, _) => seconds!(TimestampMicrosecondType, 1_000_000.0),
-        DataType::Timestamp(TimeUnit::Nanosecond, _) => seconds!(TimestampNanosecondType, 1_000_000_000.0),
-        DataType::Date32 => {
-            let day = |value: Option<i32>| value.map_or(f64::NAN, |day| f64::from(day) * 86_400.0);
-            array.as_primitive::<Date32Type>().iter().map(day).collect()
-        }
-        DataType::Date64 => seconds!(Date64Type, 1_000.0),
-        DataType::Time32(TimeUnit::Second) => seconds!(Time32SecondType, 1.0),
-        DataType::Time32(_) => seconds!(Time32MillisecondType, 1_000.0),
-        DataType::Time64(TimeUnit::Microsecond) => seconds!(Time64MicrosecondType, 1_000_000.0),
-        DataType::Time64(_) => seconds!(Time64NanosecondType, 1_000_000_000.0),
+        DataType::Timestamp(TimeUnit::Second, _) => seconds::<TimestampSecondType>(array, 1.0),
+        DataType::Timestamp(TimeUnit::Millisecond, _) => seconds::<TimestampMillisecondType>(array, 1e3),
+        DataType::Timestamp(TimeUnit::Microsecond, _) => seconds::<TimestampMicrosecondType>(array, 1e6),
+        DataType::Timestamp(TimeUnit::Nanosecond, _) => seconds::<TimestampNanosecondType>(array, 1e9),
+        DataType::Date32 => numbers::<Date32Type>(array, |day| f64::from(day) * 86_400.0),
+        DataType::Date64 => seconds::<Date64Type>(array, 1e3),
+        DataType::Time32(TimeUnit::Second) => seconds::<Time32SecondType>(array, 1.0),
+        DataType::Time32(_) => seconds::<Time32MillisecondType>(array, 1e3),
+        DataType::Time64(TimeUnit::Microsecond) => seconds::<Time64MicrosecondType>(array, 1e6),
+        DataType::Time64(_) => seconds::<Time64NanosecondType>(array, 1e9),
         other => {
             let name = other.to_string();
             return Column::Other(name.split(['(', '<']).next().unwrap_or_default().to_owned());
