@@ -1,9 +1,8 @@
 //! What a run finds: graph, values, p-values, and how far it came.
 
-use std::{borrow::Cow, fmt, str::FromStr};
+use std::{fmt, str::FromStr};
 
 use ndarray::Array3;
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
 use crate::types::{CompleteRows, LinkMark, Node, SampleCount, text::quoted};
 
@@ -40,17 +39,7 @@ impl FromStr for Status {
     }
 }
 
-impl Serialize for Status {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        to.collect_str(self)
-    }
-}
-
-impl<'de> Deserialize<'de> for Status {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        Cow::<str>::deserialize(from)?.parse().map_err(D::Error::custom)
-    }
-}
+as_text!(Status);
 
 /// What the condition selection (PC1) found for one candidate link into a target.
 #[derive(Clone, Copy, Debug, PartialEq)]

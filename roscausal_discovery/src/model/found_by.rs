@@ -1,8 +1,6 @@
 //! What found a model: a method of the registry, or a program of its own.
 
-use std::{borrow::Cow, fmt};
-
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::{convert::Infallible, fmt, str::FromStr};
 
 use crate::methods::Method;
 
@@ -63,20 +61,18 @@ impl From<&str> for FoundBy {
     }
 }
 
+impl FromStr for FoundBy {
+    type Err = Infallible;
+
+    fn from_str(name: &str) -> Result<Self, Infallible> {
+        Ok(name.into())
+    }
+}
+
 impl fmt::Display for FoundBy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.name())
     }
 }
 
-impl Serialize for FoundBy {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_str(self.name())
-    }
-}
-
-impl<'de> Deserialize<'de> for FoundBy {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        Ok(Cow::<str>::deserialize(from)?.as_ref().into())
-    }
-}
+as_text!(FoundBy);

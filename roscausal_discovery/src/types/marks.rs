@@ -1,8 +1,6 @@
 //! The marks of links in a graph.
 
-use std::{borrow::Cow, cmp::Ordering, fmt, str::FromStr};
-
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
+use std::{cmp::Ordering, fmt, str::FromStr};
 
 use super::text::quoted;
 
@@ -142,17 +140,7 @@ impl FromStr for LinkMark {
     }
 }
 
-impl Serialize for LinkMark {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_str(self.symbol())
-    }
-}
-
-impl<'de> Deserialize<'de> for LinkMark {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        Cow::<str>::deserialize(from)?.parse().map_err(D::Error::custom)
-    }
-}
+as_text!(LinkMark);
 
 impl fmt::Display for LinkMark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -31,6 +31,24 @@ macro_rules! words {
     };
 }
 
+/// A type that is a text in files: what it displays as and is read from.
+macro_rules! as_text {
+    ($type:ty) => {
+        impl serde::Serialize for $type {
+            fn serialize<S: serde::Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
+                to.collect_str(self)
+            }
+        }
+
+        impl<'de> serde::Deserialize<'de> for $type {
+            fn deserialize<D: serde::Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
+                let text = <std::borrow::Cow<'_, str> as serde::Deserialize>::deserialize(from)?;
+                text.parse().map_err(serde::de::Error::custom)
+            }
+        }
+    };
+}
+
 /// A struct of settings whose fields have their usual value behind them, as in `pub tau_max: usize = 1,`; these are its [`Default`].
 #[doc(hidden)]
 #[macro_export]
