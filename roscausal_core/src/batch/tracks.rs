@@ -200,6 +200,8 @@ pub(super) struct Track {
     smooths: bool,
     /// The noise of places, metres, where they are smoothed.
     noise_m: f64,
+    /// Whether the tracker has told a place without a velocity.
+    tells_places: bool,
 }
 
 /// What happened to a sample.
@@ -229,6 +231,7 @@ impl Track {
         if self.samples.get(at).is_some_and(|(same, _)| *same == stamp) {
             return Taken::Duplicate;
         }
+        self.tells_places |= values.omega.is_nan();
         self.samples.insert(at, (stamp, values));
         if self.samples.len() > MOST && !self.unlimited {
             self.samples.pop_front();
@@ -360,7 +363,7 @@ impl Track {
         let mut intervals: Vec<i64> = stamps.windows(TOGETHER + 1).map(over).collect();
         intervals.sort_unstable();
         self.usual = intervals.get(intervals.len() / 3).copied();
-        if self.smooths && self.samples.iter().any(|(_, at)| at.omega.is_nan()) {
+        if self.smooths && self.tells_places {
             self.noise_m = noise(&last((self.past.len() + now).clamp(ENOUGH, PLACES)));
         }
     }
