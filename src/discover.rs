@@ -251,7 +251,7 @@ fn found_and_kept(args: &Args, interrupt: &Interrupt, quiet: bool, keep: Option<
     let profile = look_at(&data, &origins, args, &settings)?;
     let Levelled { data, settings, note } = Levelled::of(data, &runs, settings);
     warnings.extend(note);
-    let profile = profile.with_later(&data, settings.tau_max, settings.looked_for(), dt);
+    let profile = settings.look_later(profile, &data, dt);
     if let Some(reported) = estimate::check(&data, &settings, resampling.as_ref(), &args.how.means)? {
         tell!("{reported}");
     }
@@ -506,7 +506,7 @@ fn look_at(data: &DataFrame, origins: &[PathBuf], args: &Args, settings: &Settin
         };
         return Err(Error::Data(reason));
     }
-    Ok(profile.for_test(&settings.cond_ind_test))
+    Ok(profile)
 }
 
 /// What is said of the tables, each matter once. What is constant in one table and not in another is no matter.

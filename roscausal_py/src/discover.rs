@@ -89,8 +89,7 @@ pub(crate) fn discover(
     let each: Vec<usize> = (0..data.recordings().len()).collect();
     let Levelled { data, settings, note } =
         Levelled::of(std::sync::Arc::unwrap_or_clone(data), &each, settings);
-    let profile = profile.for_test(&settings.cond_ind_test);
-    let profile = profile.with_later(&data, settings.tau_max, settings.looked_for(), dt);
+    let profile = settings.look_later(profile, &data, dt);
     let found = watched(py, &means, move |control| match (&own, &resampling) {
         (Some(test), _) => analyse_with(&data, test.as_ref(), &settings, control),
         (None, Some(resampling)) => analyse_resampled(&data, &settings, resampling, control),

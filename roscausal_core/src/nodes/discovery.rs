@@ -537,9 +537,8 @@ fn method(
             })?,
         };
         set_step(&mut model, joint.dt);
-        let profile = DataProfile::of(&part.data, settings.tau_max).0.for_test(&settings.cond_ind_test);
-        let profile = profile.with_later(&part.data, settings.tau_max, settings.looked_for(), joint.dt);
-        model.about_data = Some(profile);
+        let (profile, _) = DataProfile::of(&part.data, settings.tau_max);
+        model.about_data = Some(settings.look_later(profile, &part.data, joint.dt));
         model.warnings.extend(note);
         model.n_recordings = part.data.recordings().len();
         let person = part.person.map_or(String::new(), |id| format!("_person_{id}"));

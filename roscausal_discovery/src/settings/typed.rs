@@ -6,6 +6,7 @@ use crate::{
         ActsOn, Fdr, LpcmciSettings, Method, PcmciPlusSettings, PcmciSettings, TiminoModel, TiminoSettings,
         TsfciSettings,
     },
+    profile::DataProfile,
     transfer_entropy::TeEstimator,
     types::{Assumption, CondIndTest, DataFrame, Error, LinkAssumptions, Result, names},
 };
@@ -178,6 +179,11 @@ impl Settings {
             max_conds_dim: self.max_conds,
             ..PcmciSettings::default()
         }
+    }
+
+    /// The profile of the data as the test sees them, [with later lags](DataProfile::with_later) unless all is as in tigramite.
+    pub fn look_later(&self, profile: DataProfile, data: &DataFrame, dt: Option<f64>) -> DataProfile {
+        profile.for_test(&self.cond_ind_test).with_later(data, self.tau_max, self.looked_for(), dt)
     }
 
     /// Checks that the data can be analysed with these settings at all.
