@@ -29,11 +29,7 @@ impl Search<'_, '_> {
 
     /// Conditions of the ancestral phase, from A's side.
     pub(super) fn ancestral_conditions(&self, a: Node, b: Node) -> Conditions {
-        let always = self.parents(a, b);
-        let mut choices = self.apds(a, b);
-        choices.retain(|node| !always.contains(node));
-        self.strongest_first(a, &mut choices);
-        Conditions { always, choices }
+        self.conditions(a, self.parents(a, b), self.apds(a, b))
     }
 
     /// Conditions of the non-ancestral phase, from A's side.
@@ -42,18 +38,17 @@ impl Search<'_, '_> {
         let mut always = self.parents(a, b);
         let known = |node: &&Node| self.is_ancestor(**node, a) || self.is_ancestor(**node, b);
         always.extend(napds.iter().filter(known));
-        let always = unique(always);
-        let mut choices: Vec<Node> = napds.into_iter().filter(|node| !always.contains(node)).collect();
-        self.strongest_first(a, &mut choices);
-        Conditions { always, choices }
+        self.conditions(a, unique(always), napds)
     }
 
-    /// By `|value|` with `a`, the largest first; ties: higher variable, then smaller lag.
-    fn strongest_first(&self, a: Node, nodes: &mut [Node]) {
-        nodes.sort_by(|&m, &n| {
+    /// Choices by `|value|` with `a`, the largest first; ties: higher variable, then smaller lag.
+    fn conditions(&self, a: Node, always: Vec<Node>, mut choices: Vec<Node>) -> Conditions {
+        choices.retain(|node| !always.contains(node));
+        choices.sort_by(|&m, &n| {
             let by_strength = self.strength(n, a).total_cmp(&self.strength(m, a));
             by_strength.then(n.var.cmp(&m.var)).then(m.lag.cmp(&n.lag))
         });
+        Conditions { always, choices }
     }
 
     fn napds(&self, a: Node, b: Node) -> Vec<Node> {
