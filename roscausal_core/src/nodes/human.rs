@@ -255,8 +255,8 @@ fn subscribe_people<M: Middleware>(
 ) -> Result<Vec<M::Subscription>> {
     let mut subscriptions = Vec::new();
     if let Some(topic) = params.text_if_set("auto_people_topic") {
-        subscriptions
-            .push(health.hear(mw, inbox, (&topic, false), |input, m| Event::People(input, of_agents(m)))?);
+        let people = |input, m| Event::People(input, of_agents(m));
+        subscriptions.push(health.hear(mw, inbox, (&topic, false), people)?);
     }
     if let Some(topic) = params.text_if_set("teleop_people_topic") {
         let people = |input, m: pedsim_msgs::TrackedPersons| {
@@ -283,22 +283,19 @@ fn subscribe_people<M: Middleware>(
         }
         return Ok(subscriptions);
     }
-    match params.text("people_type").as_str() {
+    let topic = (topic.as_str(), true);
+    subscriptions.push(match params.text("people_type").as_str() {
         "spencer_tracking_msgs/TrackedPersons" => {
             let people = |input, m: spencer_tracking_msgs::TrackedPersons| {
                 let tracks = m.tracks.into_iter().map(|t| (t.track_id, t.pose.pose, t.twist.twist));
                 Event::People(input, of_tracks(m.header, tracks))
             };
-            subscriptions.push(health.hear(mw, inbox, (&topic, true), people)?);
+            health.hear(mw, inbox, topic, people)?
         }
-        "people_msgs/People" => subscriptions
-            .push(health.hear(mw, inbox, (&topic, true), |input, m| Event::People(input, of_people(m)))?),
-        "geometry_msgs/PoseArray" => {
-            subscriptions
-                .push(health.hear(mw, inbox, (&topic, true), |input, m| Event::People(input, of_poses(m)))?)
-        }
-        _ => {}
-    }
+        "people_msgs/People" => health.hear(mw, inbox, topic, |of, m| Event::People(of, of_people(m)))?,
+        "geometry_msgs/PoseArray" => health.hear(mw, inbox, topic, |of, m| Event::People(of, of_poses(m)))?,
+        _ => return Ok(subscriptions),
+    });
     Ok(subscriptions)
 }
 
