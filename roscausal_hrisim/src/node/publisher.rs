@@ -159,16 +159,16 @@ impl<M: Middleware> Publisher<M> {
 
     /// Publishes goals, walls and interventions when they change, and once a second.
     fn tell_changes(&mut self, simulation: &Simulation, stamp: Time) -> Result<()> {
+        let is_recent = |reported: &&Reported| (0.0..REPEAT).contains(&stamp.secs_since(reported.since));
+        let before = self.reported.as_ref().filter(is_recent);
         let now = Reported {
-            since: stamp,
+            since: before.map_or(stamp, |reported| reported.since),
             human_goals: simulation.people.iter().map(|person| person.goal).collect(),
             crowd_goals: simulation.crowd.members.iter().map(|member| member.goal).collect(),
             robot_goals: simulation.robots.iter().map(|robot| (robot.goal(), robot.legs_done)).collect(),
             context: simulation.context(),
         };
-        let before = self.reported.as_ref();
-        let again = before.is_none_or(|reported| !(0.0..REPEAT).contains(&stamp.secs_since(reported.since)));
-        if again || before.is_none_or(|reported| reported.human_goals != now.human_goals) {
+        if before.is_none_or(|reported| reported.human_goals != now.human_goals) {
             for (goal, (topic, name)) in now.human_goals.iter().zip(&self.human_goals) {
                 topic.publish(&PoseStamped { header: header(stamp, "map"), pose: pose_at(*goal) })?;
                 let place = Value::List(vec![Value::Double(goal.x), Value::Double(goal.y)]);
@@ -183,7 +183,7 @@ impl<M: Middleware> Publisher<M> {
         let told_goals = |reported: &Reported| {
             reported.human_goals == now.human_goals && reported.crowd_goals == now.crowd_goals
         };
-        if again || before.is_none_or(|reported| !told_goals(reported)) {
+        if !before.is_some_and(told_goals) {
             let people = simulation.people.iter().map(|person| (person.id, person.goal));
             let crowd = simulation.crowd.members.iter().map(|member| (member.id, member.goal));
             let track = |(id, goal): (u32, Vec2)| TrackedPerson {
@@ -194,24 +194,22 @@ impl<M: Middleware> Publisher<M> {
             let tracks = people.chain(crowd).map(track).collect();
             self.all_goals.publish(&TrackedPersons { header: header(stamp, "map"), tracks })?;
         }
-        if again || before.is_none_or(|reported| reported.robot_goals != now.robot_goals) {
+        if before.is_none_or(|reported| reported.robot_goals != now.robot_goals) {
             for ((goal, leg), topics) in now.robot_goals.iter().zip(&self.robots) {
                 topics.publish_goal(*goal, *leg, stamp)?;
             }
         }
-        if again || before.is_none_or(|reported| reported.context != now.context) {
+        if before.is_none_or(|reported| reported.context != now.context) {
             self.interventions
                 .publish(&Text { data: context_json(stamp, simulation.time(), &now.context) })?;
         }
-        if again {
+        if before.is_none() {
             let point = |p: Vec2| Point { x: p.x, y: p.y, z: 0.0 };
             let wall = |w: &crate::geometry::Segment| LineObstacle { start: point(w.a), end: point(w.b) };
             let obstacles = simulation.world().walls().iter().map(wall).collect();
             self.walls.publish(&LineObstacles { header: header(stamp, "map"), obstacles })?;
-            self.reported = Some(now);
-        } else if let Some(reported) = &mut self.reported {
-            *reported = Reported { since: reported.since, ..now };
         }
+        self.reported = Some(now);
         Ok(())
     }
 }
