@@ -82,7 +82,7 @@ pub fn linear(system: &System, rows: &[f64], from: usize, y: usize) -> Parts {
     let free = Schedule::free(n, steps);
     let end = |source: Option<(usize, usize)>| {
         let mut path = rows[..(from + 1) * n].to_vec();
-        system.run(&mut path, &free, |step, var| f64::from(u8::from(source == Some((step, var)))));
+        system.run(&mut path, &free, |step, var| f64::from(source == Some((step, var))));
         path[path.len() - n + y]
     };
     let forecast = end(None);

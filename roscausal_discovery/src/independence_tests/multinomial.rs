@@ -110,11 +110,11 @@ impl Fit<'_> {
             self.probabilities(slopes, sample, &mut p);
             for (a, of_a) in curvature.iter_mut().enumerate() {
                 let (k, input) = (a / width, self.input(a % width, sample));
-                let own = f64::from(u8::from(self.category[sample] == k));
+                let own = f64::from(self.category[sample] == k);
                 gradient[a] += (p[k] - own) * input;
                 for (b, entry) in of_a.iter_mut().enumerate().take(a + 1) {
                     let l = b / width;
-                    let together = p[k] * (f64::from(u8::from(k == l)) - p[l]);
+                    let together = p[k] * (f64::from(k == l) - p[l]);
                     *entry += together * input * self.input(b % width, sample);
                 }
             }

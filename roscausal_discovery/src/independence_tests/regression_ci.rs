@@ -215,7 +215,6 @@ fn columns(row: &[f64], category: bool, as_tigramite: bool) -> Vec<Vec<f64>> {
     }
     let (levels, n) = (levels(row), count(row));
     let first = if as_tigramite && n != 2 { 0 } else { 1 };
-    let column =
-        |value: usize| levels.iter().map(|&level| f64::from(u8::from(level == value))).collect::<Vec<f64>>();
+    let column = |value: usize| levels.iter().map(|&level| f64::from(level == value)).collect::<Vec<f64>>();
     (first..n).map(column).collect()
 }

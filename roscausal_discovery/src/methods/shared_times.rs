@@ -51,10 +51,7 @@ impl SharedTimes {
                 for k in members() {
                     sum.iter_mut().zip(&own[k]).for_each(|(sum, value)| *sum += value);
                     let are = recordings[k].column(var);
-                    count
-                        .iter_mut()
-                        .zip(are)
-                        .for_each(|(n, value)| *n += f64::from(u8::from(!value.is_nan())));
+                    count.iter_mut().zip(are).for_each(|(n, value)| *n += f64::from(!value.is_nan()));
                 }
                 present[0] += count.iter().sum::<f64>();
                 present[1] += dot(&count, &count);

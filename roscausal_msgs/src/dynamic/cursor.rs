@@ -269,7 +269,7 @@ impl<'a> Cursor<'a> {
     /// One built-in value as a number.
     pub(super) fn number(&mut self, kind: Kind) -> Result<f64, Fault> {
         Ok(match kind {
-            Kind::Bool => f64::from(u8::from(self.unsigned(1)? != 0)),
+            Kind::Bool => f64::from(self.unsigned(1)? != 0),
             Kind::Unsigned(size) => self.unsigned(usize::from(size))? as f64,
             Kind::Signed(size) => {
                 let unused = 64 - 8 * u32::from(size);

@@ -166,7 +166,7 @@ pub(crate) fn weighted<C: AsRef<[f64]>>(target: &[f64], columns: &[C], counts: O
     let variance = if degrees > 0.0 { product(&residuals, &residuals) / degrees } else { f64::NAN };
     for (position, &k) in factor.kept.iter().enumerate() {
         coefficients[k] = solution[position] / norms[k];
-        let inverse = factor.solve(|other| f64::from(u8::from(other == k)))[position];
+        let inverse = factor.solve(|other| f64::from(other == k))[position];
         standard_errors[k] = (variance * inverse).max(0.0).sqrt() / norms[k];
     }
     let mut leverages = vec![1.0 / total; n];

@@ -47,7 +47,7 @@ impl LinearSystem {
                 now = now + self.coefficients[s].dot(&effects[lag - s]);
             }
             if let Some(k) = mediator {
-                let own = f64::from(u8::from(lag == 0));
+                let own = f64::from(lag == 0);
                 (0..n).for_each(|i| now[[k, i]] = if i == k { own } else { 0.0 });
             }
             // (I - Phi_0)^-1, by substitution in the order of lag 0.

@@ -81,7 +81,7 @@ pub(crate) fn draws(
     for group in 0..if d > 1 { d + MIXTURES } else { d } {
         let part = |k: usize| match group.checked_sub(d) {
             Some(mixture) => random::normal(random::at(!seed, mixture, k)) / (d as f64).sqrt(),
-            None => f64::from(u8::from(k == group)),
+            None => f64::from(k == group),
         };
         let direction: Vec<f64> = (0..d).map(part).collect();
         let mut sorted: Vec<f64> = places.iter().map(|place| along(&direction, place)).collect();

@@ -110,11 +110,7 @@ fn column(array: &dyn Array) -> Column {
     };
     Column::Numbers(match array.data_type() {
         DataType::Null => vec![f64::NAN; array.len()],
-        DataType::Boolean => array
-            .as_boolean()
-            .iter()
-            .map(|value| value.map_or(f64::NAN, |value| f64::from(u8::from(value))))
-            .collect(),
+        DataType::Boolean => array.as_boolean().iter().map(|of| of.map_or(f64::NAN, f64::from)).collect(),
         DataType::Int8 => numbers::<Int8Type>(array, f64::from),
         DataType::Int16 => numbers::<Int16Type>(array, f64::from),
         DataType::Int32 => numbers::<Int32Type>(array, f64::from),
