@@ -357,13 +357,8 @@ impl Search<'_, '_> {
         latest: &mut PcmciResult,
     ) -> Result<bool> {
         let links = self.links(|cause, effect| {
-            if self.nodes.is_context(cause.var) {
-                return found.context_parents[effect]
-                    .contains(&cause)
-                    .then_some(true)
-                    .filter(|_| self.nodes.is_system(effect));
-            }
-            Some(false)
+            let known = self.nodes.is_system(effect) && found.context_parents[effect].contains(&cause);
+            if self.nodes.is_context(cause.var) { known.then_some(true) } else { Some(false) }
         })?;
         let sources: Vec<bool> = (0..self.run.n_vars()).map(|var| self.nodes.is_dummy(var)).collect();
         let mut result = self.blank();
