@@ -45,9 +45,8 @@ impl<'a> Chunk<'a> {
     /// The records; of a chunk that is not `whole`, those that can be recovered.
     pub(crate) fn content(&self, whole: bool, growth: &mut Growth) -> Parsed<Cow<'a, [u8]>> {
         let packed = self.data.len() as u64;
-        if self.size > growth.most(packed).min(LARGEST) {
-            return Err(format!("it claims a size of {} bytes", self.size));
-        }
+        let most = growth.most(packed).min(LARGEST);
+        ensure(self.size <= most, || format!("it claims a size of {} bytes", self.size))?;
         ensure(!whole || packed == self.compressed_size, || "it is shorter than it says")?;
         let mut content = Vec::new();
         let limit = self.size + 1;

@@ -5,6 +5,7 @@ use mcap::{
     read::parse_record,
     records::{Record, op},
 };
+use roscausal_core::ensure;
 
 use crate::source::Parsed;
 
@@ -38,9 +39,7 @@ fn parts(opcode: u8) -> &'static [Part] {
 /// # Errors
 /// Why it is not a record.
 pub(crate) fn parse(opcode: u8, body: &[u8]) -> Parsed<Record<'_>> {
-    if !lengths_hold(parts(opcode), body) {
-        return Err("a record claims to be longer than it is".into());
-    }
+    ensure(lengths_hold(parts(opcode), body), || "a record claims to be longer than it is")?;
     parse_record(opcode, body).map_err(|error| error.to_string())
 }
 

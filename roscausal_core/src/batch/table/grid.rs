@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::{Cells, Separator, binary, binary::Column, columns::check_count, dialect, reader, time};
-use crate::{Error, Result, grammar::Parsed, memory::Memory};
+use crate::{Error, Result, ensure, grammar::Parsed, memory::Memory};
 
 /// The first lines, among which the header is looked for.
 const HEAD: usize = 200;
@@ -120,9 +120,7 @@ fn columns_of(body: &[u8], separator: u8, named: bool, missing: &[f64], memory: 
             memory.check_growth(held, body.len() as u64)?;
         }
     }
-    if columns.is_empty() {
-        return Err("it has no rows".into());
-    }
+    ensure(!columns.is_empty(), || "it has no rows")?;
     let name = |place: usize| names.get(place).cloned().unwrap_or_else(|| (place + 1).to_string());
     let columns = columns.into_iter().enumerate().map(|(place, column)| (name(place), column)).collect();
     Ok(Grid { columns, nameless: !named, frame_rate: None })

@@ -11,7 +11,7 @@
 
 use std::path::{Path, PathBuf};
 
-use roscausal_discovery::Named;
+use roscausal_discovery::{Named, ensure};
 
 use super::{
     Note, Table,
@@ -28,9 +28,7 @@ impl Table {
     /// # Errors
     /// Fewer than two files, two of one name, one without times, files that share no span of time, or months that begin on other days.
     pub fn side_by_side(files: &[(PathBuf, Self)], how: &Steps) -> Result<Self, String> {
-        if files.len() < 2 {
-            return Err("there is one file; give all files of the recording".into());
-        }
+        ensure(files.len() > 1, || "there is one file; give all files of the recording")?;
         let parts = files.iter().map(|(path, table)| Part::of(path, table)).collect::<Result<Vec<_>, _>>()?;
         let longest = parts.iter().map(|part| part.step).fold(0.0, f64::max);
         let dt = how.dt.unwrap_or(longest);

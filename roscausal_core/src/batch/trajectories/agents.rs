@@ -5,7 +5,7 @@ use std::{
     path::Path,
 };
 
-use roscausal_discovery::Named;
+use roscausal_discovery::{Named, ensure};
 use roscausal_msgs::geometry_msgs::{Point, Quaternion};
 use roscausal_msgs::std_msgs::Header;
 
@@ -107,9 +107,7 @@ impl Agents {
         mut notes: Vec<String>,
     ) -> Parsed<Self> {
         raw.retain(|raw| !raw.samples.is_empty());
-        if raw.is_empty() {
-            return Err("nobody is in it: no row has a time, x and y".into());
-        }
+        ensure(!raw.is_empty(), || "nobody is in it: no row has a time, x and y")?;
         let mut doubles = 0;
         for raw in &mut raw {
             raw.samples.sort_by(|a, b| a.time.total_cmp(&b.time));

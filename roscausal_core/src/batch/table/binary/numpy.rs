@@ -134,13 +134,9 @@ fn array(bytes: &[u8], memory: Memory) -> Result<Array, String> {
     let (kinds, fortran, shape) = described(header)?;
     let count =
         shape.iter().try_fold(1_usize, |product, side| product.checked_mul(*side)).ok_or_else(short)?;
-    if shape.first() == Some(&0) {
-        return Err("it has no rows; rows of numbers are needed".into());
-    }
+    ensure(shape.first() != Some(&0), || "it has no rows; rows of numbers are needed")?;
     let width: usize = kinds.iter().map(|(_, kind)| kind.bytes).sum();
-    if width.checked_mul(count).is_none_or(|needed| values.len() < needed) {
-        return Err(short());
-    }
+    ensure(width.checked_mul(count).is_some_and(|needed| needed <= values.len()), short)?;
     // From here on there are as many values as the shape says.
     check_count(if let [_, columns] = shape[..] { columns } else { kinds.len() })?;
     let cells = (count as u64).saturating_mul(kinds.iter().map(|(_, kind)| kind.in_memory()).sum());
