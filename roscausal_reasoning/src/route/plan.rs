@@ -20,22 +20,18 @@ const CAUTIOUS: f64 = 1.3;
 /// Seconds between two moments that are compared.
 pub const STEP: f64 = 60.0;
 
-/// What a robot's cost is made of, all in seconds of its time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cost {
-    /// For a second of waiting.
-    pub waiting: f64,
-    /// For a person met.
-    pub person: f64,
-    /// For a percent of the battery.
-    pub percent: f64,
-    /// For being late.
-    pub late: f64,
-}
-
-impl Default for Cost {
-    fn default() -> Self {
-        Self { waiting: 0.02, person: 0.0, percent: 1.0, late: 300.0 }
+roscausal_discovery::with_defaults! {
+    /// What a robot's cost is made of, all in seconds of its time.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Cost {
+        /// For a second of waiting.
+        pub waiting: f64 = 0.02,
+        /// For a person met.
+        pub person: f64 = 0.0,
+        /// For a percent of the battery.
+        pub percent: f64 = 1.0,
+        /// For being late.
+        pub late: f64 = 300.0,
     }
 }
 
