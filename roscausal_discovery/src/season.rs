@@ -46,12 +46,10 @@ impl Season {
         let rows = data.longest();
         let columns: Vec<Vec<f64>> = rows.columns().into_iter().map(centred).collect();
         let longest = LONGEST.min(rows.nrows().min(MOST_ROWS) / 4);
-        let candidates: BTreeSet<usize> = columns
-            .iter()
-            .flat_map(|column| peaks(column, longest))
-            .flat_map(|peak| peak - 1..=peak + 1)
-            .filter(|period| (SHORTEST..=longest).contains(period))
-            .collect();
+        let highest = columns.iter().flat_map(|column| peaks(column, longest));
+        let near = highest.flat_map(|peak| peak - 1..=peak + 1);
+        let candidates: BTreeSet<usize> =
+            near.filter(|period| (SHORTEST..=longest).contains(period)).collect();
         let of = |period: usize| {
             let found: Vec<(usize, f64)> =
                 (0..columns.len()).filter_map(|var| Some((var, repeats(&columns[var], period)?))).collect();

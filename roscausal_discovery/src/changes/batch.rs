@@ -143,17 +143,12 @@ pub(super) fn squares(batches: &[&Batch], node: Node, past: usize) -> Vec<f64> {
 /// Values as rows, for files.
 mod rows {
     use ndarray::Array2;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
 
     /// A missing value is `null`.
     pub(super) fn serialize<S: Serializer>(values: &Array2<f64>, to: S) -> Result<S::Ok, S::Error> {
         let cell = |v: &f64| v.is_finite().then_some(*v);
-        values
-            .rows()
-            .into_iter()
-            .map(|row| row.iter().map(cell).collect())
-            .collect::<Vec<Vec<_>>>()
-            .serialize(to)
+        to.collect_seq(values.rows().into_iter().map(|row| row.iter().map(cell).collect::<Vec<_>>()))
     }
 
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Array2<f64>, D::Error> {

@@ -125,10 +125,8 @@ impl OracleCi {
     }
 
     fn parents_of(&self, node: Node, horizon: usize) -> impl Iterator<Item = Node> + '_ {
-        self.parents[node.var]
-            .iter()
-            .map(move |parent| parent.shifted(node.lag))
-            .filter(move |parent| parent.lag <= horizon)
+        let parents = self.parents[node.var].iter().map(move |parent| parent.shifted(node.lag));
+        parents.filter(move |parent| parent.lag <= horizon)
     }
 
     /// Effects up to the present.

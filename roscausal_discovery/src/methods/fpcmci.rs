@@ -117,11 +117,8 @@ pub fn run_fpcmci(
         PcmciSettings { link_assumptions: Some(result.link_assumptions.clone()), ..settings.pcmci.clone() };
     let found = run_pcmci(&data.select(&result.selected), test, &pcmci, control)?;
     result.status = found.status.clone();
-    result.features = found
-        .connected_features(settings.neglect_only_autodep)
-        .into_iter()
-        .map(|position| result.selected[position])
-        .collect();
+    let kept = found.connected_features(settings.neglect_only_autodep);
+    result.features = kept.into_iter().map(|position| result.selected[position]).collect();
     result.pcmci = Some(found);
     Ok(result)
 }
@@ -178,12 +175,8 @@ impl PcmciResult {
     /// Variables that have a link, in rising order. With `neglect_only_autodep` a link to or from another variable
     /// is needed.
     pub fn connected_features(&self, neglect_only_autodep: bool) -> Vec<usize> {
-        let links: Vec<PossibleLink> = self
-            .graph
-            .indexed_iter()
-            .filter(|(_, mark)| mark.is_link())
-            .map(|((i, j, lag), _)| (i, j, lag, Assumption::Test))
-            .collect();
+        let links = self.graph.indexed_iter().filter(|(_, mark)| mark.is_link());
+        let links: Vec<PossibleLink> = links.map(|((i, j, lag), _)| (i, j, lag, Assumption::Test)).collect();
         connected(self.graph.dim().0, &links, neglect_only_autodep)
     }
 

@@ -90,21 +90,16 @@ fn is_ambiguous(ambiguous: &[Triple], i: Node, k: usize, j: usize) -> bool {
 /// Rule 1: if `i --> k o-o j` is unshielded, then `k --> j` (otherwise `k` would be a collider).
 fn away_from_collider(graph: &Array3<LinkMark>, ambiguous: &[Triple]) -> Vec<(usize, usize)> {
     let points = |t: &Triple| graph[[t.i.var, t.k, t.i.lag]] == LinkMark::Forward;
-    unshielded_triples(graph)
-        .iter()
-        .filter(|t| points(t) && !is_ambiguous(ambiguous, t.i, t.k, t.j))
-        .map(|t| (t.k, t.j))
-        .collect()
+    let mut triples = unshielded_triples(graph);
+    triples.retain(|t| points(t) && !is_ambiguous(ambiguous, t.i, t.k, t.j));
+    triples.iter().map(|t| (t.k, t.j)).collect()
 }
 
 /// Rule 2: if `i --> k --> j` and `i o-o j`, then `i --> j` (otherwise there would be a cycle).
 fn acyclic(graph: &Array3<LinkMark>, _: &[Triple]) -> Vec<(usize, usize)> {
-    unoriented(graph)
-        .filter(|&(i, j)| {
-            (0..graph.dim().0)
-                .any(|k| graph[[i, k, 0]] == LinkMark::Forward && graph[[k, j, 0]] == LinkMark::Forward)
-        })
-        .collect()
+    let drives = |i: usize, j: usize| graph[[i, j, 0]] == LinkMark::Forward;
+    let has_way = |&(i, j): &(usize, usize)| (0..graph.dim().0).any(|k| drives(i, k) && drives(k, j));
+    unoriented(graph).filter(has_way).collect()
 }
 
 /// Rule 3: if `i o-o k --> j`, `i o-o l --> j`, `i o-o j`, and `k` and `l` are not adjacent, then `i --> j`.
@@ -127,10 +122,8 @@ fn two_ways(graph: &Array3<LinkMark>, ambiguous: &[Triple]) -> Vec<(usize, usize
 
 /// Ordered pairs without direction.
 fn unoriented(graph: &Array3<LinkMark>) -> impl Iterator<Item = (usize, usize)> + '_ {
-    graph
-        .indexed_iter()
-        .filter(|((_, _, lag), mark)| *lag == 0 && **mark == LinkMark::Unoriented)
-        .map(|((i, j, _), _)| (i, j))
+    let open = graph.indexed_iter().filter(|((.., lag), mark)| *lag == 0 && **mark == LinkMark::Unoriented);
+    open.map(|((i, j, _), _)| (i, j))
 }
 
 #[cfg(test)]

@@ -87,11 +87,8 @@ impl SharedTimes {
                 let from = (self.cut_off - lag).min(list.len());
                 from..list.len().saturating_sub(lag).max(from)
             };
-            let dots = of_a
-                .iter()
-                .zip(of_b)
-                .map(|(a_in, b_in)| dot(&a_in[window(a_in, a.lag)], &b_in[window(b_in, b.lag)]));
-            dots.sum()
+            let pairs = of_a.iter().zip(of_b);
+            pairs.map(|(a_in, b_in)| dot(&a_in[window(a_in, a.lag)], &b_in[window(b_in, b.lag)])).sum()
         };
         let own: Vec<Vec<f64>> =
             nodes.iter().map(|a| nodes.iter().map(|b| product(|var| &var.own, *a, *b)).collect()).collect();

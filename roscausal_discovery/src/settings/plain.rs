@@ -157,10 +157,8 @@ impl Plain for Arc<NullDistributions> {
         let Value::Object(given) = value else { return Err(wrong(value, "a file or a dict of lists")) };
         let one = |(size, values): (&String, &Value)| {
             let values = serde_json::from_value::<Vec<f64>>(values.clone()).ok();
-            size.parse::<usize>()
-                .ok()
-                .zip(values)
-                .ok_or_else(|| wrong(value, "a dict such as {298: [0.05, 0.08]}"))
+            let read = size.parse::<usize>().ok().zip(values);
+            read.ok_or_else(|| wrong(value, "a dict such as {298: [0.05, 0.08]}"))
         };
         NullDistributions::new(given.iter().map(one).collect::<Result<Vec<_>>>()?).map(Arc::new)
     }

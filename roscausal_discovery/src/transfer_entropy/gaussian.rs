@@ -125,11 +125,8 @@ impl Estimator for Gaussian {
     }
 
     fn p_sequential(&self, values: &[f64], _target: Node, _sources: &[Node], _past: &[Node]) -> Vec<f64> {
-        values
-            .iter()
-            .enumerate()
-            .map(|(k, &v)| p_of_order_statistic(self.p_of_one(v), k + 1, values.len()))
-            .collect()
+        let ranked = values.iter().enumerate();
+        ranked.map(|(k, &v)| p_of_order_statistic(self.p_of_one(v), k + 1, values.len())).collect()
     }
 }
 

@@ -293,12 +293,9 @@ fn remarks(rows: &CompleteRows, result: &DynotearsResult, settings: &DynotearsSe
         "dynotears has no p-values: a link is a weight of at least {}, and p_value 0 says no more than that",
         settings.threshold
     )];
-    let deviations: Vec<f64> = (0..rows.n_vars)
-        .map(|var| moments(rows.column(Node::new(var, 0))).1)
-        .filter(|deviation| *deviation > 0.0)
-        .collect();
-    let (least, most) =
-        deviations.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), v| (least.min(*v), most.max(*v)));
+    let deviations = (0..rows.n_vars).map(|var| moments(rows.column(Node::new(var, 0))).1);
+    let (least, most) = (deviations.filter(|deviation| *deviation > 0.0))
+        .fold((f64::INFINITY, 0.0_f64), |(least, most), v| (least.min(v), most.max(v)));
     if !settings.standardise && most > 1.5 * least {
         stated.push(
             "the directions at lag 0 follow the scales of the variables, which differ here: standardise them, or do not believe \

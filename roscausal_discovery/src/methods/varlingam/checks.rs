@@ -42,12 +42,9 @@ pub(super) fn remarks(
         false => pairs.par_iter().map(|&(i, j)| tail_dependence(&residuals[i], &residuals[j])).collect(),
     };
     let level = LEVEL / pairs.len().max(1) as f64;
-    let dependent: Vec<String> = pairs
-        .iter()
-        .zip(p_values)
-        .filter(|(_, p)| *p < level)
-        .map(|((i, j), _)| format!("{} and {}", names[*i], names[*j]))
-        .collect();
+    let dependent = pairs.iter().zip(p_values).filter(|(_, p)| *p < level);
+    let dependent: Vec<String> =
+        dependent.map(|((i, j), _)| format!("{} and {}", names[*i], names[*j])).collect();
     if !dependent.is_empty() {
         stated.push(format!(
             "what the model leaves of {} still depend on each other: a hidden common cause drives both, or the effects are not \

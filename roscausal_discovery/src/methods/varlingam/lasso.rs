@@ -191,13 +191,9 @@ impl Path {
                 }
             }
         }
-        let leaving = self
-            .active
-            .iter()
-            .zip(&direction)
-            .map(|(&k, d)| (k, -self.coefficients[k] / d))
-            .filter(|(_, at)| *at > 1e-14 && *at < step)
-            .min_by(|a, b| a.1.total_cmp(&b.1));
+        let zeros = self.active.iter().zip(&direction).map(|(&k, d)| (k, -self.coefficients[k] / d));
+        let on_the_way = zeros.filter(|(_, at)| *at > 1e-14 && *at < step);
+        let leaving = on_the_way.min_by(|a, b| a.1.total_cmp(&b.1));
         if let Some((_, at)) = leaving {
             step = at;
         }

@@ -67,10 +67,8 @@ pub(super) fn causal_order(columns: &[Vec<f64>], first: &[usize], control: &Cont
         let Some(best) = (0..sums.len()).filter(allowed).fold(None, smaller) else { break };
         // Where nothing is left of one of them, no order of the two is wrong.
         let varies = |k: usize| left[remaining[k]].variance > 0.0;
-        let second = (0..sums.len())
-            .filter(|k| *k != best && allowed(k) && varies(best) && varies(*k))
-            .map(|k| sums[k])
-            .fold(f64::INFINITY, f64::min);
+        let others = (0..sums.len()).filter(|k| *k != best && allowed(k) && varies(best) && varies(*k));
+        let second = others.map(|k| sums[k]).fold(f64::INFINITY, f64::min);
         order.margins.push(match second {
             f64::INFINITY => 1.0,
             second if second > 0.0 => (second - sums[best]) / second,
