@@ -51,10 +51,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     ] {
         bus.set_node_param("data", name, value);
     }
-    let recording = ["robot", "human", "data"]
-        .map(|name| bus.start(name, move |mw| nodes::run(name, &mw)))
-        .into_iter()
-        .collect::<Result<Vec<_>>>()?;
+    let recording = ["robot", "human", "data"].map(|name| bus.start(name, move |mw| nodes::run(name, &mw)));
+    let recording = recording.into_iter().collect::<Result<Vec<_>>>()?;
     let (world, driver) = (bus.node("hrisim"), bus.node("teleop"));
     let simulating = thread::spawn({
         let (world, driver) = (world.clone(), driver.clone());

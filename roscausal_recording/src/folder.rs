@@ -160,13 +160,11 @@ impl Folder {
         let mut by_time: Vec<usize> = (0..self.files.len()).collect();
         by_time.sort_by_key(|index| self.files[*index].source.span());
         for (place, index) in by_time.iter().enumerate() {
-            let taken: Vec<(u32, u32)> = by_time[..place]
-                .iter()
-                .map(|earlier| &self.files[*earlier])
-                .filter(|earlier| self.files[*index].is_at_the_time_of(earlier))
-                .map(|earlier| (earlier.lap, earlier.lap + earlier.source.laps()))
-                .collect();
-            let laps = self.files[*index].source.laps();
+            let file = &self.files[*index];
+            let earlier = by_time[..place].iter().map(|earlier| &self.files[*earlier]);
+            let beside = earlier.filter(|earlier| file.is_at_the_time_of(earlier));
+            let taken: Vec<(u32, u32)> = beside.map(|of| (of.lap, of.lap + of.source.laps())).collect();
+            let laps = file.source.laps();
             let is_free = |lap: u32| taken.iter().all(|(begin, end)| lap + laps <= *begin || lap >= *end);
             let free = taken.iter().map(|(_, end)| *end).chain([0]).filter(|lap| is_free(*lap)).min();
             self.files[*index].lap = free.unwrap_or(0);

@@ -26,10 +26,8 @@ impl FromStr for Condition {
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let comparison = |part: &str| {
-            let (at, symbol) = SYMBOLS
-                .iter()
-                .filter_map(|symbol| Some((part.find(symbol)?, *symbol)))
-                .min_by_key(|(at, symbol)| (*at, 2 - symbol.len()))?;
+            let found = SYMBOLS.iter().filter_map(|symbol| Some((part.find(symbol)?, *symbol)));
+            let (at, symbol) = found.min_by_key(|(at, symbol)| (*at, 2 - symbol.len()))?;
             let (left, right) = (part[..at].trim(), part[at + symbol.len()..].trim());
             (!left.is_empty() && !right.is_empty()).then(|| (term(left), symbol, term(right)))
         };

@@ -35,17 +35,13 @@ pub(super) fn fresh_row(open: &Recording, nearest: Option<&(usize, BTreeSet<u32>
         |rows: &Vec<Vec<f64>>| (first..n_rows).map(|k| rows.get(k).cloned().unwrap_or_default()).collect();
     let measured =
         |rows: &Vec<f64>| (first..n_rows).map(|k| rows.get(k).copied().unwrap_or(f64::NAN)).collect();
+    let people = open.people.iter().filter(|(id, _)| wanted(id));
     let tail = Recording {
         start: open.start,
         dt_ns: open.dt_ns,
         frame: open.frame.clone(),
         robot: tail_of(&open.robot),
-        people: open
-            .people
-            .iter()
-            .filter(|(id, _)| wanted(id))
-            .map(|(id, rows)| (*id, tail_of(rows)))
-            .collect(),
+        people: people.map(|(id, rows)| (*id, tail_of(rows))).collect(),
         others: open.others.iter().map(|(name, rows)| (name.clone(), tail_of(rows))).collect(),
         context: open.context.iter().map(|(name, rows)| (name.clone(), imposed(rows))).collect(),
         signals: open.signals.iter().map(|(name, rows)| (name.clone(), measured(rows))).collect(),

@@ -173,10 +173,8 @@ impl Rows {
 
     fn add(&mut self, at: (usize, usize), value: f64, causes: Vec<f64>) {
         self.at.push(at);
-        self.columns
-            .iter_mut()
-            .zip([&value].into_iter().chain(&causes))
-            .for_each(|(column, x)| column.push(*x));
+        let values = [&value].into_iter().chain(&causes);
+        self.columns.iter_mut().zip(values).for_each(|(column, x)| column.push(*x));
         self.sums[at.0][at.1].add(&Sums { n: 1.0, y: value, yy: value * value, x: causes });
     }
 

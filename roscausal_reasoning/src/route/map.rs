@@ -62,10 +62,8 @@ impl Map {
         }
         for ends in arcs {
             let find = |name: &String| {
-                index
-                    .get(name.as_str())
-                    .copied()
-                    .ok_or_else(|| Error::param("arcs", format!("there is no place '{name}'")))
+                let known = index.get(name.as_str()).copied();
+                known.ok_or_else(|| Error::param("arcs", format!("there is no place '{name}'")))
             };
             let (a, b) = (find(&ends[0])?, find(&ends[1])?);
             let [p, q] = [a, b].map(|end| places[end.index()].at);

@@ -135,10 +135,8 @@ impl Drop for Server {
             session.membership.forget(self.id);
             let (service, api) = (self.service.clone(), self.api.clone());
             in_time(PATIENCE, move || {
-                let _ = session
-                    .membership
-                    .master()
-                    .map(|master| master.unregister(Role::Service, &service, &api));
+                let master = session.membership.master();
+                let _ = master.map(|master| master.unregister(Role::Service, &service, &api));
             });
         }
     }

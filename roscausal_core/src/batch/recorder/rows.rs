@@ -43,11 +43,8 @@ impl Recorder {
             Some((*id, at(track, moment)?))
         };
         let people: Vec<(u32, Values)> = self.people.iter().filter_map(person).collect();
-        let others: Vec<(String, Values)> = self
-            .others
-            .iter()
-            .map(|(name, track)| (name.clone(), of(track).unwrap_or(Values::UNKNOWN)))
-            .collect();
+        let other = |(name, track): (&String, &Track)| (name.clone(), of(track).unwrap_or(Values::UNKNOWN));
+        let others: Vec<(String, Values)> = self.others.iter().map(other).collect();
         let signals: Vec<f64> =
             self.signals.iter().map(|track| track.at(moment, self.dt_ns, max_gap)).collect();
         let begins = match self.config.select {

@@ -209,11 +209,8 @@ fn before_rounding(time: &[f64], parts: &[(usize, usize)], median: f64) -> Optio
     let rate = (1.0 / measured).round();
     let is_rate = rate > 0.0 && (rate * measured - 1.0).abs() < unit / (time[to] - time[from]);
     let step = if is_rate { 1.0 / rate } else { measured };
-    let even: Vec<f64> = parts
-        .iter()
-        .flat_map(|&(from, to)| (from..to).map(move |row| (from, row)))
-        .map(|(from, row)| time[from] + (place[row] - place[from]) * step)
-        .collect();
+    let rows = parts.iter().flat_map(|&(from, to)| (from..to).map(move |row| (from, row)));
+    let even: Vec<f64> = rows.map(|(from, row)| time[from] + (place[row] - place[from]) * step).collect();
     even.iter().zip(time).all(|(even, t)| (even - t).abs() < 1.1 * unit).then_some((even, step, unit))
 }
 

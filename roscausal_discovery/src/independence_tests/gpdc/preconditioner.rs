@@ -49,11 +49,8 @@ impl Preconditioner {
         solve(inner, &mut weights);
         let mut fitted = vec![0.0; y.len()];
         add_columns(&mut fitted, factor, &weights);
-        half.iter()
-            .zip(&fitted)
-            .zip(&self.roots)
-            .map(|((half, fitted), root)| (half - fitted) * root)
-            .collect()
+        let left = half.iter().zip(&fitted).map(|(half, fitted)| half - fitted);
+        left.zip(&self.roots).map(|(left, root)| left * root).collect()
     }
 }
 

@@ -197,11 +197,9 @@ impl GpRegression {
         let factor = self.factor()?;
         let n = self.inputs.len();
         let variance = |place: &Vec<f64>| {
-            let standard: Vec<f64> = place
-                .iter()
-                .zip(&self.scales)
-                .map(|(value, (mean, deviation))| (value - mean) / deviation)
-                .collect();
+            let values = place.iter().zip(&self.scales);
+            let standard: Vec<f64> =
+                values.map(|(value, (mean, deviation))| (value - mean) / deviation).collect();
             let mut kernel = vec![0.0; n];
             self.inputs.to_place(self.theta.l, &standard, &mut kernel);
             let solved = solve(&factor, &kernel);
