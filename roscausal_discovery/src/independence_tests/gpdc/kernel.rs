@@ -144,17 +144,11 @@ impl NullaryFnOnce for WeightedSum<'_> {
                 sums[k] = weights[k].mul_add(exp_of_negative(scale * squares[k]), sums[k]);
             }
         }
-        let mut lanes = [0.0; LANES];
-        for vector in sums.chunks_exact(LANES) {
-            for k in 0..LANES {
-                lanes[k] += vector[k];
-            }
-        }
         let last = (blocks..n).map(|i| {
             let square = rows().map(|(row, centre)| (row[i] - centre) * (row[i] - centre)).sum::<f64>();
             weights[i] * exp_of_negative(scale * square)
         });
-        sum_of_lanes(lanes) + last.sum::<f64>()
+        sum_in_lanes(&sums) + last.sum::<f64>()
     }
 }
 
@@ -255,7 +249,13 @@ struct Dot<'a, T> {
 const LANES: usize = 8;
 
 #[inline(always)]
-fn sum_of_lanes(mut sums: [f64; LANES]) -> f64 {
+fn sum_in_lanes<T: Copy + Into<f64>>(vectors: &[T]) -> f64 {
+    let mut sums = [0.0_f64; LANES];
+    for vector in vectors.chunks_exact(LANES) {
+        for k in 0..LANES {
+            sums[k] += Into::<f64>::into(vector[k]);
+        }
+    }
     for half in [4, 2, 1] {
         for k in 0..half {
             sums[k] += sums[k + half];
@@ -288,13 +288,7 @@ macro_rules! dot_in {
                         sums[k] = a[k].mul_add(b[k], sums[k]);
                     }
                 }
-                let mut lanes = [0.0; LANES];
-                for vector in sums.chunks_exact(LANES) {
-                    for k in 0..LANES {
-                        lanes[k] += f64::from(vector[k]);
-                    }
-                }
-                sum_of_lanes(lanes) + last
+                sum_in_lanes(&sums) + last
             }
         }
     };
