@@ -83,19 +83,16 @@ fn as_dict(py: Python<'_>, result: PcmciResult) -> PyResult<Bound<'_, PyDict>> {
     out.set_item("q_matrix", result.q_matrix.map(|q| q.into_pyarray(py)))?;
     out.set_item("conf_matrix", result.conf_matrix.map(|conf| limits(&conf).into_pyarray(py)))?;
     let node = |node: &Node| (node.var, node.lag);
-    let parents: Vec<Vec<_>> =
-        result.parents.iter().map(|of| of.parents.iter().map(node).collect()).collect();
+    let nodes = |list: &[Node]| list.iter().map(node).collect::<Vec<_>>();
+    let parents: Vec<_> = result.parents.iter().map(|of| nodes(&of.parents)).collect();
     out.set_item("parents", parents)?;
     let candidates = result.parents.iter().map(|of| {
         of.candidates.iter().map(|c| (c.node.var, c.node.lag, c.val_min, c.pval_max)).collect::<Vec<_>>()
     });
     out.set_item("candidates", candidates.collect::<Vec<_>>())?;
     out.set_item("optimal_alpha", result.optimal_alpha)?;
-    let sepsets: Vec<_> = result
-        .sepsets
-        .iter()
-        .map(|s| (node(&s.cause), s.effect, s.conditions.iter().map(node).collect::<Vec<_>>()))
-        .collect();
+    let sepsets: Vec<_> =
+        result.sepsets.iter().map(|s| (node(&s.cause), s.effect, nodes(&s.conditions))).collect();
     out.set_item("sepsets", sepsets)?;
     let triples: Vec<_> = result.ambiguous_triples.iter().map(|(i, k, j)| (node(i), *k, *j)).collect();
     out.set_item("ambiguous_triples", triples)?;

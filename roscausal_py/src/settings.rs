@@ -32,9 +32,8 @@ impl Given {
     /// A value of this type.
     fn read_as<T: DeserializeOwned>(&mut self, name: &str, wanted: &str) -> Result<Option<T>> {
         let wrong = |value: &Value| Error::param(name, format!("{value} is not {wanted}"));
-        self.take(name)
-            .map(|value| serde_json::from_value(value.clone()).map_err(|_| wrong(&value)))
-            .transpose()
+        let read = |value: Value| serde_json::from_value(value.clone()).map_err(|_| wrong(&value));
+        self.take(name).map(read).transpose()
     }
 
     /// A number.
