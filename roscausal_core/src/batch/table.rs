@@ -498,9 +498,7 @@ impl<'a> Rows<'a> {
         loop {
             match self.pass(&mut codes)? {
                 Pass::Done(table) => return Ok(*table),
-                Pass::Words(column) => {
-                    codes.insert(column, Codes::default());
-                }
+                Pass::Words(column) => drop(codes.insert(column, Codes::default())),
             }
         }
     }

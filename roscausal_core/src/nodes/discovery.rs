@@ -357,18 +357,15 @@ impl<M: Middleware> Node<M> {
     fn run_method(&mut self, mw: &M, method: impl FnOnce(&Control) -> Result<Made> + Send) -> Result<Made> {
         let cancel = Arc::new(AtomicBool::new(false));
         let (on_progress, tests) = (self.on_progress.clone(), self.tests.clone());
-        let control = Control::default().cancel_on(cancel.clone()).on_progress(move |progress| {
+        let mut control = Control::default().cancel_on(cancel.clone()).on_progress(move |progress| {
             tests[0].store(progress.done, Ordering::Relaxed);
             tests[1].store(progress.estimated_total, Ordering::Relaxed);
             on_progress(progress);
         });
-        let control = match self.params.request.time_budget {
-            Some(budget) => {
-                let (clock, end) = (mw.clone(), mw.steady() + Duration::from_secs_f64(budget));
-                control.out_of_time(move || clock.steady() >= end)
-            }
-            None => control,
-        };
+        if let Some(budget) = self.params.request.time_budget {
+            let (clock, end) = (mw.clone(), mw.steady() + Duration::from_secs_f64(budget));
+            control = control.out_of_time(move || clock.steady() >= end);
+        }
         let nice = self.params.nice;
         let found = thread::scope(|scope| {
             let work = scope.spawn(|| {
