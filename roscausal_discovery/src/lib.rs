@@ -113,7 +113,7 @@ pub use model::{
 pub use numeric::rows::{quantile, unit_factor};
 /// For the project's other crates, no part of the interface.
 #[doc(hidden)]
-pub use numeric::{random::mix, student_t::quantile as student_t_quantile};
+pub use numeric::{random::mix, rows::dot, student_t::quantile as student_t_quantile};
 pub use profile::{DataProfile, Fault, VariableProfile};
 pub use recommend::Recommendation;
 pub use season::{Season, without_season};

@@ -64,7 +64,7 @@ pub(crate) fn unit(data: &DataFrame, var: usize) -> f64 {
 
 /// Sum of products, in eight lanes.
 #[inline]
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut lanes = [0.0; 8];
     let (a8, a_rest) = a.as_chunks::<8>();
     let (b8, b_rest) = b.as_chunks::<8>();

@@ -1,5 +1,7 @@
 //! Sums of products of columns: what every linear regression among them follows from, for all rows or for a bootstrap's.
 
+use roscausal_discovery::dot;
+
 use crate::{
     linear::{CONSTANT, Factor},
     random,
@@ -56,7 +58,7 @@ impl Products {
         let mut sums: Vec<f64> = self.columns.iter().map(|column| column.iter().sum()).collect();
         for a in 0..self.m {
             for b in 0..=a {
-                sums.push(product(&self.columns[a], &self.columns[b]));
+                sums.push(dot(&self.columns[a], &self.columns[b]));
             }
         }
         Sums { m: self.m, rows: self.n as f64, sums }
@@ -82,15 +84,6 @@ impl Products {
         }
         Prefix { m: self.m, width, sums }
     }
-}
-
-fn product(a: &[f64], b: &[f64]) -> f64 {
-    let mut lanes = [0.0; 8];
-    let (a, b) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-    for (x, y) in a.0.iter().zip(b.0) {
-        (0..8).for_each(|k| lanes[k] += x[k] * y[k]);
-    }
-    lanes.iter().sum::<f64>() + a.1.iter().zip(b.1).map(|(x, y)| x * y).sum::<f64>()
 }
 
 impl Prefix {
