@@ -10,7 +10,7 @@ use roscausal_discovery::{
     Assumption, CondIndTest, Control, DataFrame, LinkAssumptions, LinkEnd, LinkMark, Node, PreparedTest,
     Result, Samples, TestResult,
     independence_tests::OracleCi,
-    methods::{Intervened, LpcmciSettings, Status, TsfciSettings, run_candoit, run_lpcmci, run_tsfci},
+    methods::{Intervened, LpcmciSettings, Status, run_candoit, run_lpcmci, run_tsfci},
 };
 use serde_json::Value;
 
@@ -118,7 +118,7 @@ proptest! {
     fn tsfci_has_the_links_of_lpcmci_and_contradicts_no_mark_where_a_test_knows_the_truth(links in links()) {
         let (data, test, control) = (any_data(OBSERVED), oracle(&links), Control::default());
         let of_lpcmci = run_lpcmci(&data, &test, &LpcmciSettings::default(), &control).unwrap().result;
-        let of_tsfci = run_tsfci(&data, &test, &TsfciSettings::default(), &control).unwrap();
+        let of_tsfci = run_tsfci(&data, &test, &LpcmciSettings::default(), &control).unwrap();
         for (at, mark) in of_tsfci.graph.indexed_iter() {
             prop_assert!(agrees(*mark, of_lpcmci.graph[at]), "{at:?} {mark} {}", of_lpcmci.graph[at]);
         }
@@ -147,7 +147,7 @@ fn a_hidden_common_cause_is_called_one() {
     let (data, test) = (any_data(OBSERVED), oracle(&links));
     let settings = LpcmciSettings { tau_max: 0, ..LpcmciSettings::default() };
     let found = run_lpcmci(&data, &test, &settings, &Control::default()).unwrap();
-    let fci = TsfciSettings { tau_max: 0, ..TsfciSettings::default() };
+    let fci = LpcmciSettings { tau_max: 0, ..LpcmciSettings::default() };
     let by_fci = run_tsfci(&data, &test, &fci, &Control::default()).unwrap();
     for graph in [&found.result.graph, &by_fci.graph] {
         assert_eq!(graph[[0, 2, 0]], LinkMark::Bidirected);
@@ -182,7 +182,7 @@ fn lpcmci_finds_the_references_graph_of_every_oracle_case_and_tsfci_its_links() 
             ..usual
         };
         let by_lpcmci = run_lpcmci(&data, &test, &settings, &Control::default()).unwrap().result;
-        let settings = TsfciSettings { tau_min, tau_max, ..TsfciSettings::default() };
+        let settings = LpcmciSettings { tau_min, tau_max, ..LpcmciSettings::default() };
         let by_tsfci = run_tsfci(&data, &test, &settings, &Control::default()).unwrap();
         for ((i, j, lag), mark) in by_lpcmci.graph.indexed_iter() {
             assert_eq!(mark.symbol(), case["graph"][i][j][lag], "{} {i} {j} {lag}", case["id"]);
@@ -209,7 +209,8 @@ fn a_used_up_time_budget_gives_the_graph_so_far() {
 
     let asked = AtomicUsize::new(0);
     let control = Control::default().out_of_time(move || asked.fetch_add(1, Ordering::Relaxed) > 20);
-    let found = run_tsfci(&any_data(OBSERVED), &oracle(&links), &TsfciSettings::default(), &control).unwrap();
+    let found =
+        run_tsfci(&any_data(OBSERVED), &oracle(&links), &LpcmciSettings::default(), &control).unwrap();
     let Status::Partial(how_far) = &found.status else { panic!("{:?}", found.status) };
     assert!(how_far.contains("the phase of neighbours"), "{how_far}");
     assert!(found.n_tests < 25 && found.graph[[0, 1, 1]].is_link());

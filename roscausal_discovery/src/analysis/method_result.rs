@@ -94,7 +94,7 @@ impl MethodResult {
             Method::Timino => {
                 run_timino(data, &settings.timino(data, test.name())?, control).map(|found| found.links)
             }
-            Method::Tsfci => run_tsfci(data, test, &settings.tsfci(data), control),
+            Method::Tsfci => run_tsfci(data, test, &settings.lpcmci(data), control),
             Method::Lpcmci => {
                 run_lpcmci(data, test, &settings.lpcmci(data), control).map(|found| found.result)
             }

@@ -54,7 +54,7 @@ pub use fpcmci::{FpcmciResult, FpcmciSettings, run_fpcmci};
 pub use granger::{GrangerResult, GrangerSettings, run_granger};
 pub(crate) use jpcmciplus::is_shared;
 pub use jpcmciplus::{JpcmciPlusResult, JpcmciPlusSettings, NodeClass, run_jpcmciplus};
-pub use lpcmci::{LpcmciResult, LpcmciSettings, Stage, TsfciSettings, run_lpcmci, run_tsfci};
+pub use lpcmci::{LpcmciResult, LpcmciSettings, Stage, run_lpcmci, run_tsfci};
 pub(crate) use mci::mci_conditions;
 pub use pcmci::{get_lagged_dependencies, run_bivci, run_fullci, run_mci, run_pc_stable, run_pcmci};
 pub use pcmciplus::{ColliderRule, PcmciPlusSettings, run_pcmciplus};

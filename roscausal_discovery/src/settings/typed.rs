@@ -4,7 +4,6 @@ use crate::{
     independence_tests::{self, Significance, TestSettings},
     methods::{
         ActsOn, Fdr, LpcmciSettings, Method, PcmciPlusSettings, PcmciSettings, TiminoModel, TiminoSettings,
-        TsfciSettings,
     },
     profile::DataProfile,
     transfer_entropy::TeEstimator,
@@ -112,11 +111,6 @@ impl Settings {
             max_q_global: self.max_sets,
             ..usual
         }
-    }
-
-    pub(crate) fn tsfci(&self, data: &DataFrame) -> TsfciSettings {
-        let LpcmciSettings { tau_min, tau_max, pc_alpha, link_assumptions, .. } = self.lpcmci(data);
-        TsfciSettings { tau_min, tau_max, pc_alpha, max_conds: self.max_conds, link_assumptions }
     }
 
     /// What TiMINo takes; its model is that of the test.

@@ -27,7 +27,7 @@ mod tsfci;
 mod votes;
 
 pub use settings::LpcmciSettings;
-pub use tsfci::{TsfciSettings, run_tsfci};
+pub use tsfci::run_tsfci;
 
 use self::{
     graph::{Middle, Pair},

@@ -27,41 +27,20 @@ use super::{
 };
 use crate::{
     methods::{result::PcmciResult, run::Run},
-    types::{CondIndTest, Control, DataFrame, LinkAssumptions, LinkEnd, Node, Result, Samples, unique},
+    types::{CondIndTest, Control, DataFrame, LinkEnd, Node, Result, Samples, unique},
 };
-
-with_defaults! {
-    /// Settings of tsFCI.
-    ///
-    /// ```
-    /// use roscausal_discovery::methods::TsfciSettings;
-    ///
-    /// let settings = TsfciSettings { tau_max: 2, max_conds: Some(3), ..TsfciSettings::default() };
-    /// assert_eq!((settings.tau_min, settings.pc_alpha), (0, 0.05));
-    /// ```
-    #[derive(Clone, Debug)]
-    pub struct TsfciSettings {
-        /// Smallest lag of a link. Default 0.
-        pub tau_min: usize = 0,
-        /// Largest lag of a link, and the length of the window; 0 makes it FCI. Default 1.
-        pub tau_max: usize = 1,
-        /// Significance level of every test. Default 0.05.
-        pub pc_alpha: f64 = 0.05,
-        /// Largest number of conditions; `None`: no limit, and a number of tests that doubles with each node of the window.
-        pub max_conds: Option<usize> = None,
-        /// Which links may exist; `None`: all.
-        pub link_assumptions: Option<LinkAssumptions> = None,
-    }
-}
 
 /// tsFCI: what causes what, where common causes may be hidden, by FCI on all variables at all lags of a window.
 ///
 /// Take it to compare with; [`run_lpcmci`](super::run_lpcmci) answers the same question, with the same marks, and finds far more
 /// links where variables depend on their own past. A link's p-value is the largest of its tests.
 ///
+/// Of the settings it reads the lags (`tau_max` is the length of the window; 0 makes it FCI), `pc_alpha`, `link_assumptions` and
+/// `max_p_global`, the largest number of conditions; `None`: no limit, and a number of tests that doubles with each node of the window.
+///
 /// ```
 /// use roscausal_discovery::{Assumption, Control, DataFrame, LinkAssumptions, LinkMark, independence_tests::OracleCi};
-/// use roscausal_discovery::methods::{TsfciSettings, run_tsfci};
+/// use roscausal_discovery::methods::{LpcmciSettings, run_tsfci};
 ///
 /// // Both 0 and 1 drive 2, which drives 3: that 2 causes 3 follows from 0 and 1.
 /// let mut truth = LinkAssumptions::none(4);
@@ -69,7 +48,7 @@ with_defaults! {
 ///     truth.insert(cause, effect, 0, Assumption::Exists)?;
 /// }
 /// let data = DataFrame::new(vec![ndarray::Array2::zeros((50, 4))], ["a", "b", "c", "d"].map(String::from).to_vec())?;
-/// let settings = TsfciSettings { tau_max: 0, ..TsfciSettings::default() };
+/// let settings = LpcmciSettings { tau_max: 0, ..LpcmciSettings::default() };
 /// let found = run_tsfci(&data, &OracleCi::new(&truth)?, &settings, &Control::default())?;
 /// assert_eq!(found.graph[[2, 3, 0]], LinkMark::Forward);
 /// assert_eq!(found.graph[[0, 2, 0]], LinkMark::CircleHead);
@@ -82,21 +61,13 @@ with_defaults! {
 pub fn run_tsfci(
     data: &DataFrame,
     test: &dyn CondIndTest,
-    settings: &TsfciSettings,
+    settings: &LpcmciSettings,
     control: &Control,
 ) -> Result<PcmciResult> {
-    let settings = LpcmciSettings {
-        tau_min: settings.tau_min,
-        tau_max: settings.tau_max,
-        pc_alpha: settings.pc_alpha,
-        max_p_global: settings.max_conds,
-        link_assumptions: settings.link_assumptions.clone(),
-        ..LpcmciSettings::default()
-    };
     settings.check(data, test)?;
     let samples = Samples::new(data, 2 * settings.tau_max).with_control(control.clone());
     let run = Run::new(test, &samples)?;
-    let mut search = Search::new(&run, &settings).like_fci();
+    let mut search = Search::new(&run, settings).like_fci();
     let ended = all_phases(&mut search);
     result_of(&search, &run, ended, &format!("phase of {}", search.phase))
 }
