@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use serde::{Deserialize, Deserializer, de::Error as _};
 
-use super::{EVIDENCE_SCHEMA, Evidence, LinkEvidence, VariableFacts};
+use super::{EVIDENCE_SCHEMA, Evidence, Unchecked};
 use crate::types::{
     Error, Result, ensure,
     text::{check_names, check_nesting, check_schema, is_share, quoted, reason_of},
@@ -72,16 +72,6 @@ impl Evidence {
 
 fn invalid(reason: &dyn std::fmt::Display) -> Error {
     Error::Data(format!("not valid evidence ({EVIDENCE_SCHEMA}): {reason}"))
-}
-
-/// The fields of evidence as they are in a file, before they are checked.
-#[derive(Deserialize)]
-#[serde(remote = "Evidence")]
-struct Unchecked {
-    schema: String,
-    rows: Vec<usize>,
-    variables: Vec<VariableFacts>,
-    links: Vec<LinkEvidence>,
 }
 
 impl<'de> Deserialize<'de> for Evidence {

@@ -34,17 +34,19 @@ const POINTS: usize = 300;
 /// Fewest points of a scatter; if there are more links than that leaves room for, the strongest have scatters.
 const FEWEST: usize = 100;
 
-/// What stands behind a [`Model`]. Reading it checks it ([`Evidence::check`]).
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Evidence {
-    /// [`EVIDENCE_SCHEMA`].
-    pub schema: String,
-    /// Rows of each recording.
-    pub rows: Vec<usize>,
-    /// The variables that were analysed, also those without a link.
-    pub variables: Vec<VariableFacts>,
-    /// One entry per link of the model, in the same order.
-    pub links: Vec<LinkEvidence>,
+read_unchecked! {
+    /// What stands behind a [`Model`]. Reading it checks it ([`Evidence::check`]).
+    #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+    pub struct Evidence "Evidence" {
+        /// [`EVIDENCE_SCHEMA`].
+        pub schema: String,
+        /// Rows of each recording.
+        pub rows: Vec<usize>,
+        /// The variables that were analysed, also those without a link.
+        pub variables: Vec<VariableFacts>,
+        /// One entry per link of the model, in the same order.
+        pub links: Vec<LinkEvidence>,
+    }
 }
 
 /// What stands behind one link.

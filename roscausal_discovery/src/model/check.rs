@@ -3,18 +3,11 @@
 use std::collections::{HashMap, HashSet};
 
 use serde::{Deserialize, Deserializer, de::Error as _};
-use serde_json::{Map, Value};
 
-use super::{
-    Confidence, FoundBy, Link, LinkSize, Model, Outcome, SCHEMA, SCHEMA_1, cells, confidence, is_listed,
-};
-use crate::{
-    methods::Status,
-    profile::DataProfile,
-    types::{
-        Error, LinkEnd, LinkMark, Result, ensure,
-        text::{check_names, check_nesting, check_schema, check_step, is_share, quoted, reason_of},
-    },
+use super::{Confidence, Link, LinkSize, Model, Outcome, SCHEMA, SCHEMA_1, Unchecked, cells, is_listed};
+use crate::types::{
+    Error, LinkEnd, LinkMark, Result, ensure,
+    text::{check_names, check_nesting, check_schema, check_step, is_share, quoted, reason_of},
 };
 
 /// Bytes of a model's file beyond those of its matrices, and for each of their places.
@@ -315,47 +308,6 @@ fn check_numbers(
 
 fn invalid(reason: &dyn std::fmt::Display) -> Error {
     Error::Data(format!("not a valid model ({SCHEMA}): {reason}"))
-}
-
-/// The fields of a model as they are in a file, before they are checked.
-#[derive(Deserialize)]
-#[serde(remote = "Model")]
-struct Unchecked {
-    schema: String,
-    status: Status,
-    method: FoundBy,
-    cond_ind_test: String,
-    alpha: f64,
-    pc_alpha: Option<f64>,
-    f_alpha: Option<f64>,
-    fdr: String,
-    tau_min: usize,
-    tau_max: usize,
-    dt: Option<f64>,
-    n_samples: usize,
-    n_recordings: usize,
-    seed: u64,
-    #[serde(default)]
-    settings: Map<String, Value>,
-    run_time_s: Option<f64>,
-    features: Vec<String>,
-    dropped: Vec<String>,
-    links: Vec<Link>,
-    graph: Vec<Vec<Vec<LinkMark>>>,
-    #[serde(default)]
-    outcomes: Vec<Vec<Vec<Outcome>>>,
-    val_matrix: Vec<Vec<Vec<Option<f64>>>>,
-    p_matrix: Vec<Vec<Vec<Option<f64>>>>,
-    #[serde(default)]
-    n_matrix: Vec<Vec<Vec<Option<usize>>>>,
-    causal_structure: Vec<Vec<Vec<i32>>>,
-    val: Vec<Vec<Vec<f64>>>,
-    pval: Vec<Vec<Vec<f64>>>,
-    warnings: Vec<String>,
-    #[serde(default)]
-    about_data: Option<DataProfile>,
-    #[serde(flatten, with = "confidence")]
-    confidence: Option<Box<Confidence>>,
 }
 
 impl<'de> Deserialize<'de> for Model {

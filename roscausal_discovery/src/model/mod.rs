@@ -27,78 +27,82 @@ pub const SCHEMA: &str = "roscausal/model/2";
 /// The version before, which does not say what was tested: where its entries are 0 and 1, that is [`Outcome::Unknown`].
 pub const SCHEMA_1: &str = "roscausal/model/1";
 
-/// A causal model: the question and the result. `docs/model-schema.md` describes every field.
-///
-/// The matrices `graph`, `val_matrix` and `p_matrix` are `[cause][effect][lag 0..=tau_max]`. Those named as in the
-/// message (`causal_structure`, `val`, `pval`) are `[lag - tau_min][effect][cause]`, with 0 where there is no link.
-///
-/// Reading one checks it ([`Model::check`]): no text becomes a model whose parts do not fit together.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Model {
-    /// [`SCHEMA`].
-    pub schema: String,
-    /// `complete`, or `partial: ...` if the time budget ended the analysis.
-    pub status: Status,
-    /// Discovery method, such as `fpcmci`.
-    pub method: FoundBy,
-    /// Independence test, such as `gpdc`.
-    pub cond_ind_test: String,
-    /// Significance level of a link.
-    pub alpha: f64,
-    /// Significance level of the condition selection; `None` if a score chose it per variable.
-    pub pc_alpha: Option<f64>,
-    /// Significance level of the transfer-entropy filter; `None` without a filter.
-    pub f_alpha: Option<f64>,
-    /// Correction for multiple testing: `none` or `fdr_bh`.
-    pub fdr: String,
-    /// Smallest lag, in steps.
-    pub tau_min: usize,
-    /// Largest lag, in steps.
-    pub tau_max: usize,
-    /// Step between samples in seconds, if known.
-    pub dt: Option<f64>,
-    /// Samples that a test uses if no value is missing.
-    pub n_samples: usize,
-    /// Recordings analysed together. No lagged sample spans two recordings.
-    pub n_recordings: usize,
-    /// Seed of all random numbers.
-    pub seed: u64,
-    /// The other settings that were not the default, by their names in Python; empty: none, and absent in files.
-    #[serde(skip_serializing_if = "Map::is_empty")]
-    pub settings: Map<String, Value>,
-    /// Run time in seconds; null in files, so that the same seed gives the same bytes.
-    pub run_time_s: Option<f64>,
-    /// Variables of the model, in the order of the matrices.
-    pub features: Vec<String>,
-    /// Variables that were analysed but have no link (left out of `features` by F-PCMCI).
-    pub dropped: Vec<String>,
-    /// The links found, in the order cause, effect, lag.
-    pub links: Vec<Link>,
-    /// Link marks, in files `""`, `-->`, `<--`, `o-o`, `x-x`; where causes may be hidden also `o->`, `<->`, `x->` and, at lag 0, others
-    /// of these ends ([`LinkMark`](crate::LinkMark)).
-    pub graph: Vec<Vec<Vec<LinkMark>>>,
-    /// Whether each entry was tested; if not, why.
-    pub outcomes: Vec<Vec<Vec<Outcome>>>,
-    /// Strength of every tested pair; `None` if it was not tested.
-    pub val_matrix: Vec<Vec<Vec<Option<f64>>>>,
-    /// P-value of every tested pair; `None` if it was not tested.
-    pub p_matrix: Vec<Vec<Vec<Option<f64>>>>,
-    /// Samples that the test of each entry used; `None` if it was not tested, or this is not known.
-    pub n_matrix: Vec<Vec<Vec<Option<usize>>>>,
-    /// 1 where there is a link.
-    pub causal_structure: Vec<Vec<Vec<i32>>>,
-    /// Strength where there is a link; 1 for one that was required.
-    pub val: Vec<Vec<Vec<f64>>>,
-    /// P-value where there is a link; 0 for one that was required.
-    pub pval: Vec<Vec<Vec<f64>>>,
-    /// What a reader of the model should know, one sentence each.
-    pub warnings: Vec<String>,
-    /// What the data are like, if they were looked at.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub about_data: Option<DataProfile>,
-    /// How often resamples found each link; in files its fields stand beside the others, null without resamples.
-    #[serde(flatten, serialize_with = "confidence::serialize")]
-    pub confidence: Option<Box<Confidence>>,
+read_unchecked! {
+    /// A causal model: the question and the result. `docs/model-schema.md` describes every field.
+    ///
+    /// The matrices `graph`, `val_matrix` and `p_matrix` are `[cause][effect][lag 0..=tau_max]`. Those named as in the
+    /// message (`causal_structure`, `val`, `pval`) are `[lag - tau_min][effect][cause]`, with 0 where there is no link.
+    ///
+    /// Reading one checks it ([`Model::check`]): no text becomes a model whose parts do not fit together.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+    pub struct Model "Model" {
+        /// [`SCHEMA`].
+        pub schema: String,
+        /// `complete`, or `partial: ...` if the time budget ended the analysis.
+        pub status: Status,
+        /// Discovery method, such as `fpcmci`.
+        pub method: FoundBy,
+        /// Independence test, such as `gpdc`.
+        pub cond_ind_test: String,
+        /// Significance level of a link.
+        pub alpha: f64,
+        /// Significance level of the condition selection; `None` if a score chose it per variable.
+        pub pc_alpha: Option<f64>,
+        /// Significance level of the transfer-entropy filter; `None` without a filter.
+        pub f_alpha: Option<f64>,
+        /// Correction for multiple testing: `none` or `fdr_bh`.
+        pub fdr: String,
+        /// Smallest lag, in steps.
+        pub tau_min: usize,
+        /// Largest lag, in steps.
+        pub tau_max: usize,
+        /// Step between samples in seconds, if known.
+        pub dt: Option<f64>,
+        /// Samples that a test uses if no value is missing.
+        pub n_samples: usize,
+        /// Recordings analysed together. No lagged sample spans two recordings.
+        pub n_recordings: usize,
+        /// Seed of all random numbers.
+        pub seed: u64,
+        /// The other settings that were not the default, by their names in Python; empty: none, and absent in files.
+        #[serde(default, skip_serializing_if = "Map::is_empty")]
+        pub settings: Map<String, Value>,
+        /// Run time in seconds; null in files, so that the same seed gives the same bytes.
+        pub run_time_s: Option<f64>,
+        /// Variables of the model, in the order of the matrices.
+        pub features: Vec<String>,
+        /// Variables that were analysed but have no link (left out of `features` by F-PCMCI).
+        pub dropped: Vec<String>,
+        /// The links found, in the order cause, effect, lag.
+        pub links: Vec<Link>,
+        /// Link marks, in files `""`, `-->`, `<--`, `o-o`, `x-x`; where causes may be hidden also `o->`, `<->`, `x->` and, at lag 0, others
+        /// of these ends ([`LinkMark`](crate::LinkMark)).
+        pub graph: Vec<Vec<Vec<LinkMark>>>,
+        /// Whether each entry was tested; if not, why.
+        #[serde(default)]
+        pub outcomes: Vec<Vec<Vec<Outcome>>>,
+        /// Strength of every tested pair; `None` if it was not tested.
+        pub val_matrix: Vec<Vec<Vec<Option<f64>>>>,
+        /// P-value of every tested pair; `None` if it was not tested.
+        pub p_matrix: Vec<Vec<Vec<Option<f64>>>>,
+        /// Samples that the test of each entry used; `None` if it was not tested, or this is not known.
+        #[serde(default)]
+        pub n_matrix: Vec<Vec<Vec<Option<usize>>>>,
+        /// 1 where there is a link.
+        pub causal_structure: Vec<Vec<Vec<i32>>>,
+        /// Strength where there is a link; 1 for one that was required.
+        pub val: Vec<Vec<Vec<f64>>>,
+        /// P-value where there is a link; 0 for one that was required.
+        pub pval: Vec<Vec<Vec<f64>>>,
+        /// What a reader of the model should know, one sentence each.
+        pub warnings: Vec<String>,
+        /// What the data are like, if they were looked at.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub about_data: Option<DataProfile>,
+        /// How often resamples found each link; in files its fields stand beside the others, null without resamples.
+        #[serde(flatten, with = "confidence")]
+        pub confidence: Option<Box<Confidence>>,
+    }
 }
 
 /// One link of a [`Model`].

@@ -31,6 +31,28 @@ macro_rules! words {
     };
 }
 
+/// A struct that is checked when it is read: `Unchecked`, of the same fields, reads it as it is in a file. The name stands there twice, the
+/// second time for serde.
+macro_rules! read_unchecked {
+    (
+        $(#[$about:meta])*
+        $seen:vis struct $type:ident $name:tt {
+            $($(#[$of_field:meta])* $field_seen:vis $field:ident: $kind:ty),* $(,)?
+        }
+    ) => {
+        $(#[$about])*
+        $seen struct $type {
+            $($(#[$of_field])* $field_seen $field: $kind,)*
+        }
+
+        #[derive(serde::Deserialize)]
+        #[serde(remote = $name)]
+        struct Unchecked {
+            $($(#[$of_field])* $field: $kind,)*
+        }
+    };
+}
+
 /// A type that is a text in files: what it displays as and is read from.
 macro_rules! as_text {
     ($type:ty) => {
