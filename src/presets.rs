@@ -79,7 +79,7 @@ pub(crate) fn apply(
         let (mut used, mut unknown, mut passed) = (Vec::new(), Vec::new(), Vec::new());
         let before = taken.clone();
         for (flag, values) in &found.flags {
-            if !has_flag(command, name, flag) {
+            if arg_of(command, name, flag).is_none() {
                 unknown.push(format!("--{flag}"));
                 continue;
             }
@@ -124,11 +124,7 @@ pub(crate) fn apply(
     Ok((whole, reported))
 }
 
-/// Whether a subcommand has a long flag.
-fn has_flag(command: &Command, subcommand: &str, flag: &str) -> bool {
-    arg_of(command, subcommand, flag).is_some()
-}
-
+/// A long flag of a subcommand, if it has it.
 fn arg_of<'a>(command: &'a Command, subcommand: &str, flag: &str) -> Option<&'a Arg> {
     command.find_subcommand(subcommand)?.get_arguments().find(|arg| arg.get_long() == Some(flag))
 }

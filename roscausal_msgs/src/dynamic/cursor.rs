@@ -216,6 +216,11 @@ impl<'a> Cursor<'a> {
         }
     }
 
+    /// Passes fields that follow each other.
+    pub(super) fn pass_all(&mut self, fields: &[Field]) -> Result<(), Fault> {
+        fields.iter().try_for_each(|field| self.pass(field.kind, field.array))
+    }
+
     /// Where an array ends whose length in bytes comes next.
     fn peek_end(&self) -> Result<Option<usize>, Fault> {
         let mut ahead = self.clone();
@@ -255,7 +260,7 @@ impl<'a> Cursor<'a> {
         if fields.is_empty() && self.cdr {
             self.take(1)?;
         }
-        fields.iter().try_for_each(|field| self.pass(field.kind, field.array))?;
+        self.pass_all(fields)?;
         self.leave(end)
     }
 

@@ -308,14 +308,10 @@ impl Reading<'_> {
             (Some((Hop::Field(index), rest)), Kind::Struct(place)) => {
                 let end = self.cursor.enter(kind)?;
                 let fields = &self.schema.types[place].fields;
-                for Field { kind, array, .. } in &fields[..*index] {
-                    self.cursor.pass(*kind, *array)?;
-                }
+                self.cursor.pass_all(&fields[..*index])?;
                 self.field(fields[*index].kind, fields[*index].array, rest, whole)?;
                 if whole {
-                    for Field { kind, array, .. } in &fields[index + 1..] {
-                        self.cursor.pass(*kind, *array)?;
-                    }
+                    self.cursor.pass_all(&fields[index + 1..])?;
                     self.cursor.leave(end)?;
                 }
                 Ok(())

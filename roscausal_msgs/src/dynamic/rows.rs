@@ -8,7 +8,7 @@ use super::{
     Found, Path, Query, QueryError, Wire,
     cursor::Cursor,
     query::Hop,
-    schema::{Array, Field, Kind, Schema},
+    schema::{Array, Kind, Schema},
 };
 use crate::wire::Fault;
 
@@ -59,9 +59,7 @@ impl Rows {
             let Kind::Struct(place) = kind else { return Err(Fault::Unsupported("a field of a number")) };
             let fields = &schema.types[place].fields;
             cursor.enter(kind)?;
-            for Field { kind, array, .. } in &fields[..*index] {
-                cursor.pass(*kind, *array)?;
-            }
+            cursor.pass_all(&fields[..*index])?;
             (kind, array) = (fields[*index].kind, fields[*index].array);
         }
         let count = cursor.count(kind, array)? as usize;
