@@ -14,7 +14,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    numeric::rows::{cumulated, dot, long_run_variance, moments},
+    numeric::rows::{centred, cumulated, dot, long_run_variance, moments},
     types::{DataFrame, Named, names::plain, time_in_words},
 };
 
@@ -152,10 +152,7 @@ fn change(cause: &Fresh, effect: &Fresh, lag: usize, critical: f64) -> Option<(u
     }
     let [x, y] = [x, y].map(|of| rows.iter().map(|&row| of[row]).collect::<Vec<f64>>());
     let products: Vec<f64> = x.iter().zip(&y).map(|(x, y)| x * y).collect();
-    let off = |part: &[f64]| {
-        let mean = part.iter().sum::<f64>() / part.len() as f64;
-        part.iter().map(|product| product - mean).collect::<Vec<_>>()
-    };
+    let off = |part: &[f64]| centred(part.to_vec());
     let sums = cumulated(&off(&products));
     let shortest = (SHORTEST * n as f64) as usize;
     let last = (shortest..n - shortest).max_by(|a, b| sums[*a].abs().total_cmp(&sums[*b].abs()))?;

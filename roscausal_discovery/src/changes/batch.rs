@@ -3,7 +3,10 @@
 use ndarray::{Array2, Axis, s};
 use serde::{Deserialize, Serialize};
 
-use crate::types::{Node, same_value};
+use crate::{
+    numeric::rows::centred,
+    types::{Node, same_value},
+};
 
 /// Rows that a variable must have on either side to show what it drives.
 const SHOWN: usize = 20;
@@ -119,24 +122,16 @@ impl Batch {
 
 /// One column over several batches: the values of a node, with each batch's mean taken off.
 pub(super) fn column(batches: &[&Batch], node: Node, past: usize) -> Vec<f64> {
-    let mut all = Vec::new();
-    for batch in batches {
-        let from = past - node.lag;
-        let rows = batch.rows(past);
+    let of_batch = |batch: &&Batch| {
         let part = batch.values.index_axis(Axis(1), node.var);
-        let mean = rows.iter().map(|t| part[from + t]).sum::<f64>() / rows.len().max(1) as f64;
-        all.extend(rows.iter().map(|t| part[from + t] - mean));
-    }
-    all
+        centred(batch.rows(past).iter().map(|t| part[past - node.lag + t]).collect())
+    };
+    batches.iter().flat_map(of_batch).collect()
 }
 
 /// The squares of a column, with each batch's mean taken off.
 pub(super) fn squares(batches: &[&Batch], node: Node, past: usize) -> Vec<f64> {
-    let of_batch = |batch: &&Batch| {
-        let squares: Vec<f64> = column(&[*batch], node, past).into_iter().map(|v| v * v).collect();
-        let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-        squares.into_iter().map(move |v| v - mean)
-    };
+    let of_batch = |batch: &&Batch| centred(column(&[*batch], node, past).iter().map(|v| v * v).collect());
     batches.iter().flat_map(of_batch).collect()
 }
 

@@ -23,7 +23,7 @@ use crate::{
     independence_tests::{GpOptimum, GpRegression, TestSettings, tail_dependence},
     numeric::{
         normal::normal_quantile,
-        rows::quantile,
+        rows::{centred, quantile},
         slope::{Slope, dot},
     },
     types::{Node, Result},
@@ -143,11 +143,11 @@ pub(super) fn describe(
     let size = |values: &[f64]| (dot(values, values) / values.len().max(1) as f64).sqrt();
     let sized = |value: f64| Slope { value, variance: 1.0 };
     if !was {
-        let now = curve(&x_after, &y_after).map_or(0.0, |curve| size(&centred(&x_after, &curve)));
+        let now = curve(&x_after, &y_after).map_or(0.0, |curve| size(&part_of(&x_after, &curve)));
         return Some((sized(0.0), sized(now), Kind::Appeared));
     }
     let shape = shape?;
-    let (then, now) = (centred(&x_before, &shape), centred(&x_after, &shape));
+    let (then, now) = (part_of(&x_before, &shape), part_of(&x_after, &shape));
     let slope = dot(&now, &y_after) / dot(&now, &now).max(f64::MIN_POSITIVE);
     let kind = match slope {
         _ if !is => Kind::Vanished,
@@ -178,11 +178,9 @@ fn curve(x: &[f64], y: &[f64]) -> Option<GpRegression> {
     fitted(&y[from..], &[x[from..].to_vec()])
 }
 
-fn centred(x: &[f64], curve: &GpRegression) -> Vec<f64> {
-    let mut values: Vec<f64> = x.iter().map(|x| curve.mean(&[*x])).collect();
-    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-    values.iter_mut().for_each(|value| *value -= mean);
-    values
+/// The part of an effect that follows a curve, without its mean.
+pub(super) fn part_of(x: &[f64], curve: &GpRegression) -> Vec<f64> {
+    centred(x.iter().map(|x| curve.mean(&[*x])).collect())
 }
 
 /// The residuals of the last `n` rows of the regression on the newest rows.

@@ -9,6 +9,7 @@
 
 use super::{
     batch::{Batch, column},
+    curves::part_of,
     place::Place,
     terms::{Comparison, Mechanisms},
 };
@@ -35,9 +36,7 @@ pub(super) fn between(
     let of = |node: Node| column(batches, node, past);
     let (y, mut x) = (of(Node::new(at.effect, 0)), of(Node::new(at.cause, at.lag)));
     if let Some(curve) = curve {
-        x.iter_mut().for_each(|x| *x = curve.mean(&[*x]));
-        let mean = x.iter().sum::<f64>() / x.len().max(1) as f64;
-        x.iter_mut().for_each(|x| *x -= mean);
+        x = part_of(&x, curve);
     }
     let others = comparison.conditions(batches, at, mechanisms);
     let columns: Vec<&[f64]> = std::iter::once(&x).chain(&others).map(Vec::as_slice).collect();

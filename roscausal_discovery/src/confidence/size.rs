@@ -6,7 +6,7 @@
 
 use crate::{
     model::{LinkSize, Model},
-    numeric::slope::slope,
+    numeric::{rows::centred, slope::slope},
     settings::Settings,
     types::{DataFrame, LinkMark, Node, Samples},
 };
@@ -47,12 +47,6 @@ pub(super) fn add(model: &mut Model, data: &DataFrame, settings: &Settings) {
         })
         .collect();
     model.links.iter_mut().zip(sizes).for_each(|(link, size)| link.size = size);
-}
-
-fn centred(mut values: Vec<f64>) -> Vec<f64> {
-    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-    values.iter_mut().for_each(|value| *value -= mean);
-    values
 }
 
 /// The largest of 1, 2, 5 times a power of ten that is not above a value.

@@ -146,6 +146,13 @@ pub(crate) fn standardized(row: &[f64]) -> Vec<f64> {
     row.iter().map(|v| (v - mean) / scale).collect()
 }
 
+/// The values without their mean.
+pub(crate) fn centred(mut values: Vec<f64>) -> Vec<f64> {
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    values.iter_mut().for_each(|value| *value -= mean);
+    values
+}
+
 /// The sum of each value and all before it.
 pub(crate) fn cumulated(row: &[f64]) -> Vec<f64> {
     let added = |sum: &mut f64, value: &f64| {
