@@ -120,8 +120,9 @@ pub fn quoted(name: &str) -> String {
     format!("'{}'", short(name))
 }
 
-/// `a, b and c`.
-pub(crate) fn listed<S: Borrow<str> + Display>(parts: &[S]) -> String {
+/// `a`, `a and b`, `a, b and c`.
+#[doc(hidden)]
+pub fn listed<S: Borrow<str> + Display>(parts: &[S]) -> String {
     match parts {
         [before @ .., last] if !before.is_empty() => format!("{} and {last}", before.join(", ")),
         _ => parts.join(""),

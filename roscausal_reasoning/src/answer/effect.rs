@@ -213,7 +213,8 @@ fn of_graph(
     Ok(ByGraph { lags: lags.collect::<Result<_, String>>()?, paths, by_paths })
 }
 
-fn bounds(values: impl Iterator<Item = f64>, tail: f64) -> (f64, f64) {
+/// The quantiles `tail` and its counterpart.
+pub(super) fn bounds(values: impl Iterator<Item = f64>, tail: f64) -> (f64, f64) {
     let mut values: Vec<f64> = values.collect();
     values.sort_unstable_by(f64::total_cmp);
     (quantile(&values, tail), quantile(&values, 1.0 - tail))

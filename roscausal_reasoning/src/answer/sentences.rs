@@ -1,5 +1,6 @@
 //! Numbers and steps in words.
 
+pub(super) use roscausal_discovery::text::listed;
 use roscausal_discovery::time_in_words;
 
 use crate::model::StructuralModel;
@@ -39,15 +40,6 @@ pub(super) fn steps(model: &StructuralModel, steps: usize) -> String {
     }
 }
 
-/// `a`, `a and b`, `a, b and c`.
-pub(super) fn listed(names: &[String]) -> String {
-    match names {
-        [] => String::new(),
-        [one] => one.clone(),
-        [first @ .., last] => format!("{} and {last}", first.join(", ")),
-    }
-}
-
 /// The names of variables, [`listed`].
 pub(super) fn named(model: &StructuralModel, vars: &[usize]) -> String {
     listed(&vars.iter().map(|&var| model.graph().names()[var].clone()).collect::<Vec<_>>())
@@ -74,6 +66,6 @@ mod tests {
         let texts: Vec<String> =
             [0.31234, 12.55, 1340.2, -0.00456, 0.0, 1.0, 0.5].iter().map(|&v| short(v)).collect();
         assert_eq!(texts, ["0.312", "12.6", "1340", "-0.00456", "0", "1", "0.5"]);
-        assert_eq!(listed(&["a".into(), "b".into(), "c".into()]), "a, b and c");
+        assert_eq!(listed(&["a", "b", "c"]), "a, b and c");
     }
 }

@@ -1,9 +1,8 @@
 //! Predict, what if, had I: paths under actions, in numbers and words.
 
-use roscausal_discovery::quantile;
-
 use super::{
     Forecast, Outlook, Status, WhatIfAnswer, ambiguity, caveats,
+    effect::bounds,
     ensembles::{Outcomes, outcomes},
     plan::{Plan, moved},
     sentences::{listed, short, steps, with_unit},
@@ -131,10 +130,8 @@ impl Outlook {
     /// Enters what the plan says of action `k`; `tail` is the part of the costs beyond each end of the interval.
     fn priced(&mut self, plan: &Plan, k: usize, tail: f64) {
         let price = &plan.prices[k];
-        let mut costs = price.costs.clone();
-        costs.sort_unstable_by(f64::total_cmp);
-        (self.cost, self.cost_lower, self.cost_upper) =
-            (price.mean(), quantile(&costs, tail), quantile(&costs, 1.0 - tail));
+        self.cost = price.mean();
+        (self.cost_lower, self.cost_upper) = bounds(price.costs.iter().copied(), tail);
         (self.probability_limits, self.probability_best) = (price.all_kept, plan.best[k]);
     }
 }
