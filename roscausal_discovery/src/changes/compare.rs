@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     analysis::analyse,
-    methods::Method,
+    methods::{Method, benjamini_hochberg},
     numeric::slope::{Conditions, Slope, dot, slope},
     settings::Settings,
     types::{DataFrame, MaskType, Node, Result},
@@ -241,8 +241,11 @@ impl Comparison<'_> {
             Form::Slope => self.slopes_differ(groups, mechanisms)?,
             Form::Curve => self.curves_differ(groups, mechanisms)?,
         };
-        found.iter_mut().for_each(|link| link.p = self.baseline.p_value(link.at, link.z));
-        corrected(&mut found);
+        for link in &mut found {
+            link.p = self.baseline.p_value(link.at, link.z);
+            link.q = link.p;
+        }
+        benjamini_hochberg(found.iter_mut().map(|link| &mut link.q).collect());
         Ok(found)
     }
 }
@@ -338,16 +341,4 @@ fn constant([low, high]: [f64; 2]) -> bool {
 fn range(group: &[&Batch], var: usize) -> [f64; 2] {
     let ends = group.iter().filter_map(|batch| batch.ranges.get(var).copied());
     ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default()
-}
-
-/// Benjamini and Hochberg 1995: `q_(k) = min over l >= k of p_(l) n / l`.
-fn corrected(found: &mut [Difference]) {
-    let n = found.len();
-    let mut order: Vec<usize> = (0..n).collect();
-    order.sort_by(|&a, &b| found[b].p.total_cmp(&found[a].p));
-    let mut smallest: f64 = 1.0;
-    for (from_above, &place) in order.iter().enumerate() {
-        smallest = smallest.min(found[place].p * n as f64 / (n - from_above) as f64);
-        found[place].q = smallest;
-    }
 }

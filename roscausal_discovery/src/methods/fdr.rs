@@ -39,17 +39,21 @@ words!(Fdr, "fdr": None "none", Bh "fdr_bh", BhLagged "fdr_bh_lagged");
 /// assert!((corrected[[0, 0, 0]] - 0.03).abs() < 1e-12 && (corrected[[0, 0, 1]] - 0.06).abs() < 1e-12);
 /// ```
 pub fn fdr_bh(p_matrix: &Array3<f64>, tested: &Array3<bool>) -> Array3<f64> {
-    let mut entries: Vec<((usize, usize, usize), f64)> =
-        p_matrix.indexed_iter().filter(|(at, _)| tested[*at]).map(|(at, &p)| (at, p)).collect();
-    entries.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let m = entries.len() as f64;
     let mut q_matrix = p_matrix.clone();
-    let mut smallest = 1.0_f64;
-    for (rank, &(at, p)) in entries.iter().enumerate().rev() {
-        smallest = smallest.min(p * m / (rank + 1) as f64);
-        q_matrix[at] = smallest;
-    }
+    let places = q_matrix.indexed_iter_mut().filter(|(at, _)| tested[*at]);
+    benjamini_hochberg(places.map(|(_, p)| p).collect());
     q_matrix
+}
+
+/// Corrects these p-values: `q_(k) = min over l >= k of p_(l) n / l`.
+pub(crate) fn benjamini_hochberg(mut p_values: Vec<&mut f64>) {
+    p_values.sort_by(|a, b| a.total_cmp(b));
+    let n = p_values.len() as f64;
+    let mut smallest = 1.0_f64;
+    for (rank, p) in p_values.into_iter().enumerate().rev() {
+        smallest = smallest.min(*p * n / (rank + 1) as f64);
+        *p = smallest;
+    }
 }
 
 #[cfg(test)]

@@ -49,6 +49,7 @@ mod varlingam;
 pub use autoregression::Criterion;
 pub use candoit::{ActsOn, Intervened, acts_on_of, default_intervention_targets, run_candoit};
 pub use dynotears::{DynotearsResult, DynotearsSettings, run_dynotears};
+pub(crate) use fdr::benjamini_hochberg;
 pub use fdr::{Fdr, fdr_bh};
 pub use fpcmci::{FpcmciResult, FpcmciSettings, run_fpcmci};
 pub use granger::{GrangerResult, GrangerSettings, run_granger};
