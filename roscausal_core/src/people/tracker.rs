@@ -30,7 +30,7 @@ pub struct Tracker {
 }
 
 /// Where a message has its people, and what of each is what.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Entries {
     pub(super) list: Option<Path>,
     pub(super) fields: Vec<(&'static str, String)>,
@@ -66,11 +66,8 @@ impl Tracker {
         let (topic, list) = source.trim().split_once('.').unwrap_or((source.trim(), ""));
         let list = list.trim_end_matches("[*]").trim_end_matches("[]");
         let list = Some(list).filter(|list| !list.is_empty()).map(str::parse).transpose();
-        let mut entries = Entries {
-            list: list.map_err(|reason: String| fault(&reason))?,
-            fields: Vec::new(),
-            numbers: Vec::new(),
-        };
+        let list = list.map_err(|reason: String| fault(&reason))?;
+        let mut entries = Entries { list, ..Entries::default() };
         let role = |part: &str| {
             let (name, value) = part.split_once('=')?;
             let name = NUMBERS.into_iter().chain(FIELDS).find(|role| *role == name.trim())?;

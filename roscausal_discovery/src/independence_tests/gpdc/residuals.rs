@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// What a test needs of one node given a condition set.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Residuals {
     /// Ranks of the residuals; ties take the largest.
     pub(super) ranks: Vec<u32>,
@@ -119,14 +119,7 @@ impl Residuals {
     ) -> Result<Self> {
         let Some(process) = process else {
             let (ranks, values) = (ranks(target), if keep_values { target.to_vec() } else { Vec::new() });
-            return Ok(Self {
-                ranks,
-                values,
-                log_likelihood: f64::NEG_INFINITY,
-                theta: None,
-                repeated: false,
-                by_few: false,
-            });
+            return Ok(Self { ranks, values, log_likelihood: f64::NEG_INFINITY, ..Self::default() });
         };
         let Fit { theta, log_likelihood, repeated, by_few, mut residuals } =
             process.fit(&standardized(target), how, check)?;

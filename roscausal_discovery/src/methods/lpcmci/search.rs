@@ -22,7 +22,7 @@ pub(super) struct Separating {
 }
 
 /// What the tests of a pair said.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Evidence {
     /// Largest p-value, and the value and samples of its test.
     pub(super) p_value: f64,
@@ -86,12 +86,7 @@ impl<'a, 'b> Search<'a, 'b> {
         let (n_vars, tau_max) = (self.graph.n_vars, self.graph.tau_max);
         self.graph = Graph::new(n_vars, tau_max);
         self.known = Knowledge::new(&self.graph);
-        let untested = Evidence {
-            p_value: f64::NEG_INFINITY,
-            value: f64::INFINITY,
-            samples: None,
-            separating: Vec::new(),
-        };
+        let untested = Evidence { p_value: f64::NEG_INFINITY, value: f64::INFINITY, ..Evidence::default() };
         self.evidence = vec![untested; self.graph.n_places()];
         self.votes.clear();
         for effect in 0..n_vars {
