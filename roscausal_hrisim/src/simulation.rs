@@ -166,8 +166,10 @@ impl Simulation {
         }
         let time = self.time();
         self.renew_goals(time);
-        let people: Vec<Body> = self.people.iter().map(person_body).collect();
-        let robots: Vec<Body> = self.robots.iter().map(robot_body).collect();
+        let person = |of: &Person| Body { position: of.position, velocity: of.velocity(), is_robot: false };
+        let robot = |of: &Robot| Body { position: of.position, velocity: of.velocity(), is_robot: true };
+        let people: Vec<Body> = self.people.iter().map(person).collect();
+        let robots: Vec<Body> = self.robots.iter().map(robot).collect();
         let crowd: Vec<Body> = self.crowd.members.iter().map(Crowd::body).collect();
         let walkers: Vec<Vec2> = people.iter().chain(&crowd).map(|body| body.position).collect();
 
@@ -294,14 +296,6 @@ impl Simulation {
             person.approach(robot.position, robot.velocity()).risk(own, size, safe_distance)
         })
     }
-}
-
-fn person_body(person: &Person) -> Body {
-    Body { position: person.position, velocity: person.velocity(), is_robot: false }
-}
-
-fn robot_body(robot: &Robot) -> Body {
-    Body { position: robot.position, velocity: robot.velocity(), is_robot: true }
 }
 
 fn start_of(spec: &PersonSpec, world: &World, goals: &mut Goals, rng: &mut Rng) -> Vec2 {
