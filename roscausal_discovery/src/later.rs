@@ -93,9 +93,8 @@ impl Later {
                     let is_left = !explained(place, 1e-6) && !explained(target, EXPLAINED);
                     if is_left { left[[place, target]] / size.sqrt() } else { 0.0 }
                 };
-                let best = candidates
-                    .map(|one| (one, strength(&one)))
-                    .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+                let sized = candidates.map(|one| (one, strength(&one)));
+                let best = sized.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
                 let Some(((var, lag), r)) = best else { break };
                 let p = correlation_p_value(r, rows.saturating_sub(taken + 1));
                 if p * tests > LEVEL || r.abs() < WEAKEST || taken > given + 2 * n {

@@ -33,9 +33,8 @@ impl FromStr for Condition {
         };
         let parts = text.split(" and ").flat_map(|part| part.split("&&"));
         let parts: Option<Vec<_>> = parts.map(comparison).collect();
-        parts
-            .map(Self)
-            .ok_or_else(|| "give comparisons joined by 'and', such as 'near < 3 and r_v > 0'".into())
+        let reason = "give comparisons joined by 'and', such as 'near < 3 and r_v > 0'";
+        parts.map(Self).ok_or_else(|| reason.into())
     }
 }
 

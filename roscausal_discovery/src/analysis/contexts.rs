@@ -74,10 +74,8 @@ impl Settings {
             );
             return Err(Error::param("acts_on", reason));
         }
-        Ok(contexts
-            .into_iter()
-            .map(|context| Intervened { variable: variable_of(context), context })
-            .collect())
+        let intervened = |context: usize| Intervened { variable: variable_of(context), context };
+        Ok(contexts.into_iter().map(intervened).collect())
     }
 }
 

@@ -125,10 +125,8 @@ impl DataFrame {
             Some(group) => groups[group].1[1..].iter().filter_map(place).collect(),
             None => Vec::new(),
         });
-        let names: Vec<String> = firsts
-            .iter()
-            .map(|&var| taken[var].map_or(&self.var_names()[var], |group| &groups[group].0).clone())
-            .collect();
+        let name = |&var: &usize| taken[var].map_or(&self.var_names()[var], |group| &groups[group].0).clone();
+        let names: Vec<String> = firsts.iter().map(name).collect();
         if let Some(twice) = names.iter().enumerate().find(|(k, name)| names[..*k].contains(name)) {
             return fail(format!("there are two variables '{}'", twice.1));
         }

@@ -21,10 +21,9 @@ pub(super) fn check_parquet(bytes: &[u8], metadata: &ParquetMetaData, memory: Me
     let mut growth = Growth::default();
     for column in metadata.row_groups().iter().flat_map(|group| group.columns()) {
         let start = column.dictionary_page_offset().unwrap_or(column.data_page_offset());
-        let (start, length) = usize::try_from(start)
-            .ok()
-            .zip(usize::try_from(column.compressed_size()).ok())
-            .ok_or("a column of it begins before the file, or has a length below 0")?;
+        let place = usize::try_from(start).ok().zip(usize::try_from(column.compressed_size()).ok());
+        let (start, length) =
+            place.ok_or("a column of it begins before the file, or has a length below 0")?;
         let mut rest = bytes.get(start..start.saturating_add(length)).unwrap_or_default();
         while let Some([unpacked, packed]) = page(&mut rest) {
             growth.check(unpacked, packed, memory)?;
