@@ -5,6 +5,8 @@
 //!    looked at) is taken out too, and so on.
 //! 3. The longest lag found, and one more, is the advice.
 //!
+//! Where lag 0 is not tested, what step 1 leaves of two variables in the same row is looked at, too.
+//!
 //! For a test that sees any shape, so are the variables' distances from their means: `y = x^2` has no line.
 //!
 //! Example: people slow down 0.2 s after the robot comes near, rows are 0.1 s apart, and `tau_max` is 1: the dependence at lag 2
@@ -40,6 +42,49 @@ const EXPLAINED: f64 = 1e-3;
 /// Distances from the mean, in standard deviations: farther ones count as this, and about what the mean one is.
 const FARTHEST: f64 = 3.0;
 const USUAL: f64 = 0.8;
+
+/// Weaker dependence within a row is not worth a word where lag 0 is not asked about.
+const WEAKEST_WITHIN: f64 = 0.3;
+
+/// Two variables that depend on each other within one row, where lag 0 is not tested.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Within {
+    /// Their names.
+    pub variables: [String; 2],
+    /// Partial correlation, given all variables at the lags that are tested.
+    pub strength: f64,
+}
+
+impl Within {
+    /// All such pairs, strongest first; on a line.
+    pub fn of(data: &DataFrame, tau_max: usize) -> Vec<Self> {
+        let n = data.n_vars();
+        let given = n.saturating_mul(tau_max);
+        if given + n > MOST_COLUMNS {
+            return Vec::new();
+        }
+        let (mut gram, rows) = gram(data, n, tau_max);
+        let at = |var: usize| var * (tau_max + 1);
+        for (var, lag) in (0..n).flat_map(|var| (1..=tau_max).map(move |lag| (var, lag))) {
+            sweep(&mut gram, at(var) + lag);
+        }
+        let is_left = |var: usize| gram[[at(var), at(var)]] > EXPLAINED * rows as f64;
+        let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
+        let strength = |(a, b): (usize, usize)| {
+            let size = gram[[at(a), at(a)]] * gram[[at(b), at(b)]];
+            (a, b, if is_left(a) && is_left(b) { gram[[at(a), at(b)]] / size.sqrt() } else { 0.0 })
+        };
+        let is_there = |&(_, _, r): &(usize, usize, f64)| {
+            let tests = (n * n) as f64;
+            r.abs() >= WEAKEST_WITHIN
+                && correlation_p_value(r, rows.saturating_sub(given + 2)) * tests <= LEVEL
+        };
+        let mut found: Vec<_> = pairs.map(strength).filter(is_there).collect();
+        found.sort_by(|x, y| y.2.abs().total_cmp(&x.2.abs()));
+        let name = |var: usize| plain(&data.var_names()[var]);
+        found.into_iter().map(|(a, b, strength)| Self { variables: [name(a), name(b)], strength }).collect()
+    }
+}
 
 /// A dependence at a lag that was not tested.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

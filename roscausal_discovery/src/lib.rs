@@ -104,7 +104,7 @@ mod unsteady;
 pub use analysis::{analyse, analyse_with, analyse_with_evidence};
 pub use effort::Effort;
 pub use evidence::{AtLag, Condition, EVIDENCE_SCHEMA, Evidence, LinkEvidence, MOST_POINTS, VariableFacts};
-pub use later::Later;
+pub use later::{Later, Within};
 pub use levels::Levelled;
 pub use model::{
     Advice, Confidence, FoundBy, Link, LinkSize, Matrices, Model, Outcome, ResamplingFacts, SCHEMA, SCHEMA_1,

@@ -13,7 +13,7 @@ use ndarray::{Array2, ArrayView1, s};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    later::Later,
+    later::{Later, Within},
     numeric::rows::{
         cumulated, dot, is_constant, is_constant_column, long_run_variance, moments, standardize,
     },
@@ -53,6 +53,9 @@ pub struct DataProfile {
     /// Dependence at lags beyond those that are tested, if it was looked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub later: Vec<Later>,
+    /// Dependence within a row, where lag 0 is not tested and if it was looked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub within: Vec<Within>,
     /// Dependence that changes within the one recording, if it was looked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unsteady: Vec<Unsteady>,

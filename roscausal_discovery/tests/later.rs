@@ -4,7 +4,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 use ndarray::Array2;
-use roscausal_discovery::{DataFrame, DataProfile, Later, mix};
+use roscausal_discovery::{
+    Control, DataFrame, DataProfile, Later, Model, Settings, analyse, methods::Method, mix,
+};
 
 fn uniform(seed: &mut u64) -> f64 {
     *seed += 1;
@@ -185,4 +187,34 @@ fn trends_alone_are_no_longer_lag_and_hide_none() {
     let later = profile.with_later(&with_trends(true), 1, Some("parcorr"), None).later;
     assert_eq!(later.len(), 1, "{later:?}");
     assert_eq!((later[0].cause.as_str(), later[0].effect.as_str(), later[0].lag), ("a", "b", 3));
+}
+
+#[test]
+fn dependence_within_a_row_is_said_where_lag_0_is_not_tested_and_no_link_stands_for_it() {
+    let mut seed = 77;
+    let mut values = Array2::<f64>::zeros((400, 3));
+    for t in 1..400 {
+        values[[t, 0]] = 0.5 * values[[t - 1, 0]] + normal(&mut seed);
+        values[[t, 1]] = 0.5 * values[[t - 1, 1]] + 0.7 * values[[t, 0]] + normal(&mut seed);
+        values[[t, 2]] = 0.5 * values[[t - 1, 2]] + normal(&mut seed);
+    }
+    let data = DataFrame::new(vec![values], ["a", "b", "c"].map(str::to_owned).to_vec()).unwrap();
+    let within = |settings: &Settings| {
+        settings.look_later(DataProfile::of(&data, settings.tau_max).0, &data, Some(1.0)).within
+    };
+    let settings = Settings { method: Method::Pcmci, cond_ind_test: "parcorr".into(), ..Settings::default() };
+    let found = within(&settings);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!(found[0].variables, ["a", "b"]);
+    assert!((found[0].strength - 0.57).abs() < 0.1, "{found:?}");
+    assert_eq!(within(&Settings { tau_min: 0, method: Method::PcmciPlus, ..settings.clone() }), []);
+    let mut model = analyse(&data, &settings, &Control::default()).unwrap();
+    model.about_data = Some(settings.look_later(DataProfile::of(&data, 1).0, &data, Some(1.0)));
+    let conclusion = |model: &Model| model.summary().conclusion.join(" ");
+    let words = "Seen, but not tested: dependence within one row of a and b (0.";
+    assert!(conclusion(&model).contains(words), "{}", conclusion(&model));
+    // A link between the two stands for it.
+    let link = model.links.iter().find(|link| link.cause == "a").unwrap().clone();
+    model.links.push(roscausal_discovery::Link { effect: "b".into(), ..link });
+    assert!(!conclusion(&model).contains(words), "{}", conclusion(&model));
 }

@@ -16,9 +16,9 @@ use serde::Serialize;
 
 use super::{Advice, Link, Model, Outcome, cells, word_of};
 use crate::{
-    later::Later,
+    later::{Later, Within},
     methods::{Method, MethodInfo, Reads, Status, fdr_bh},
-    profile::FEW,
+    profile::{DataProfile, FEW},
     types::{LinkMark, Named, add_new, names::plain, spelled_out, text::listed, time_in_words},
     unsteady::Unsteady,
 };
@@ -293,6 +293,7 @@ impl<'a> Facts<'a> {
         }
         let [later, season, unsteady] = self.seen();
         reported.extend(later.map(|found| format!("Seen, but not tested: {found}.")));
+        reported.extend(self.within());
         reported.extend([season, unsteady].into_iter().flatten().map(|found| found + "."));
         reported.extend(self.drifting());
         if self.links.is_empty() {
@@ -415,7 +416,8 @@ impl<'a> Facts<'a> {
         let model = self.model;
         let all: usize = model.outcome_counts().iter().map(|(_, count)| count).sum();
         let tested = model.count_of(Outcome::Tested);
-        let is_later = model.about_data.as_ref().is_some_and(|profile| !profile.later.is_empty());
+        let has_more = |profile: &DataProfile| !profile.later.is_empty() || !profile.within.is_empty();
+        let is_later = model.about_data.as_ref().is_some_and(has_more);
         let (from, to) = (model.tau_min, model.tau_max);
         let lags = if from == to { format!("lag {to}") } else { format!("lags {from} to {to}") };
         match tested {
@@ -467,6 +469,10 @@ impl<'a> Facts<'a> {
         if let Some(profile) = &model.about_data {
             if let Some(later) = profile.later.first() {
                 add("tau_max", format!("Test longer lags: {} {}.", Named("tau_max"), later.tau_max));
+            }
+            if self.not_linked_within().next().is_some() {
+                let (flag, method) = (Named("method"), Method::PcmciPlus);
+                add("method", format!("Test links within a row, too: {flag} {method}."));
             }
             if let Some(season) = &profile.season {
                 let (flag, period) = (Named("season"), season.period);
@@ -532,6 +538,24 @@ impl<'a> Facts<'a> {
         let dt = self.model.dt;
         let season = profile.season.as_ref().map(|season| season.found(dt));
         [Later::found(&profile.later, dt), season, Unsteady::found(&profile.unsteady, dt)]
+    }
+
+    /// The pairs without a link that depend within a row, which was not tested.
+    fn not_linked_within(&self) -> impl Iterator<Item = &Within> {
+        let is_linked = |[a, b]: &[String; 2]| {
+            self.links.iter().any(|link| [[a, b], [b, a]].contains(&[&link.cause, &link.effect]))
+        };
+        let within = self.model.about_data.iter().flat_map(|profile| &profile.within);
+        within.filter(move |one| !is_linked(&one.variables))
+    }
+
+    fn within(&self) -> Option<String> {
+        let one = |Within { variables: [a, b], strength }: &Within| format!("{a} and {b} ({strength:.2})");
+        let pairs: Vec<String> = self.not_linked_within().take(MOST_NAMED).map(one).collect();
+        let more = if self.not_linked_within().count() > MOST_NAMED { " and others" } else { "" };
+        (!pairs.is_empty()).then(|| {
+            format!("Seen, but not tested: dependence within one row of {}{more}.", pairs.join(", "))
+        })
     }
 
     fn about_data(&self) -> Option<String> {

@@ -2,6 +2,7 @@
 
 use crate::{
     independence_tests::{self, Significance, TestSettings},
+    later::Within,
     methods::{
         ActsOn, Fdr, LpcmciSettings, Method, PcmciPlusSettings, PcmciSettings, TiminoModel, TiminoSettings,
     },
@@ -177,7 +178,12 @@ impl Settings {
 
     /// The profile of the data as the test sees them, [with later lags](DataProfile::with_later) unless all is as in tigramite.
     pub fn look_later(&self, profile: DataProfile, data: &DataFrame, dt: Option<f64>) -> DataProfile {
-        profile.for_test(&self.cond_ind_test).with_later(data, self.tau_max, self.looked_for(), dt)
+        let test = self.looked_for();
+        let mut profile = profile.for_test(&self.cond_ind_test).with_later(data, self.tau_max, test, dt);
+        if test.is_some() && self.tau_min > 0 {
+            profile.within = Within::of(data, self.tau_max);
+        }
+        profile
     }
 
     /// Checks that the data can be analysed with these settings at all.
