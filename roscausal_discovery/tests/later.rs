@@ -207,7 +207,7 @@ fn dependence_within_a_row_is_said_where_lag_0_is_not_tested_and_no_link_stands_
     assert_eq!(found.len(), 1, "{found:?}");
     assert_eq!(found[0].variables, ["a", "b"]);
     assert!((found[0].strength - 0.57).abs() < 0.1, "{found:?}");
-    assert_eq!(within(&Settings { tau_min: 0, method: Method::PcmciPlus, ..settings.clone() }), []);
+    assert_eq!(within(&Settings { tau_min: 0, method: Method::Pcmciplus, ..settings.clone() }), []);
     let mut model = analyse(&data, &settings, &Control::default()).unwrap();
     model.about_data = Some(settings.look_later(DataProfile::of(&data, 1).0, &data, Some(1.0)));
     let conclusion = |model: &Model| model.summary().conclusion.join(" ");

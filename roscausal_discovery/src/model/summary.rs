@@ -471,7 +471,7 @@ impl<'a> Facts<'a> {
                 add("tau_max", format!("Test longer lags: {} {}.", Named("tau_max"), later.tau_max));
             }
             if self.not_linked_within().next().is_some() {
-                let (flag, method) = (Named("method"), Method::PcmciPlus);
+                let (flag, method) = (Named("method"), Method::Pcmciplus);
                 add("method", format!("Test links within a row, too: {flag} {method}."));
             }
             if let Some(season) = &profile.season {
