@@ -48,7 +48,7 @@ const REACH: usize = 20;
 
 /// Arguments of `roscausal experiment reasoning`.
 #[derive(ClapArgs)]
-#[command(mut_arg("scenario", |arg| arg.default_value("guide")), mut_arg("train", |arg| arg.default_value("1..2")))]
+#[command(mut_arg("scenario", |arg| arg.default_value("guide")), mut_arg("train", |arg| arg.default_value("1..8")))]
 #[command(mut_arg("out", |arg| {
     arg.default_value("roscausal_experiment_reasoning").help("Folder for model.json, cases.csv and figures.json")
 }))]
