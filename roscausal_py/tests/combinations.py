@@ -158,7 +158,7 @@ def difference(seed):
     by_rounding = method in ("run_pcmciplus", "run_pcalg") and not given["conflict_resolution"] and not unlike
     if not np.array_equal(theirs["graph"], ours["graph"]) and not by_rounding:
         unlike.append("graph")
-    if "sepsets" in theirs and given.get("max_conds_dim") is None and theirs["sepsets"] != ours["sepsets"]:
+    if "sepsets" in theirs and theirs["sepsets"] != ours["sepsets"]:
         unlike.append("sepsets")
     if theirs.get("conf_matrix") is not None:
         # A link that is assumed to exist is not tested.

@@ -205,6 +205,24 @@ def test_a_test_on_nodes_is_asked_each_question_once():
     assert len(oracle.asked) == len(set(oracle.asked))
 
 
+class _AllButOnePair:
+    """Every pair depends on each other but 0 and 2, whatever is given; remembers what it was asked."""
+
+    def __init__(self):
+        self.asked = []
+
+    def run_test(self, X, Y, Z, tau_max):
+        self.asked.append((X[0], Y[0], list(Z)))
+        apart = {X[0][0], Y[0][0]} == {0, 2} and X[0][1] == 0
+        return (0.0, 0.5) if apart else (5.0 + X[0][0], 0.001)
+
+
+def test_sets_of_every_size_vote_whatever_the_limit_of_the_skeleton(chain):
+    found = PCMCI(pp.DataFrame(chain), _AllButOnePair()).run_pcalg_non_timeseries_data(max_conds_dim=0)
+    assert (0, 1, 2) in found["ambiguous_triples"], "the empty set and that of the middle separate: a tie"
+    assert found["graph"][0, 1, 0] == found["graph"][2, 1, 0] == "o-o"
+
+
 def test_results_are_printed_in_the_references_layout(pcmci, capsys):
     pcmci.print_results(pcmci.run_pcmci(tau_min=1))
     text = capsys.readouterr().out

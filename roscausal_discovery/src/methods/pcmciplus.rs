@@ -268,7 +268,8 @@ impl Level<'_, '_> {
         let (mut with, mut all) = (0, 0);
         for neighbours in &mut neighbours {
             neighbours.retain(|node| !ends.contains(node));
-            for size in 0..=neighbours.len().min(self.settings.max_conds_dim.unwrap_or(usize::MAX)) {
+            // All sizes vote, whatever the limit of the skeleton: small sets alone seldom hold the middle.
+            for size in 0..=neighbours.len() {
                 for set in combinations(neighbours, size) {
                     let mut sorted = set.clone();
                     sorted.sort_unstable();
