@@ -87,7 +87,7 @@ def drawn(seed):
         given["max_conds_py"], given["max_conds_px"] = int(rng.integers(0, 3)), int(rng.integers(0, 3))
     if method == "run_mci":
         given["parents"] = {j: [(j, -1), ((j + 1) % n, -tau_max)] for j in range(n)}
-    if rng.random() < 0.35 and method != "run_pcalg":
+    if rng.random() < 0.35:
         given["link_assumptions"] = assumed(rng, n, given["tau_min"], tau_max, method)
     return data, frame, (module, name, test), method, given, tolerances
 

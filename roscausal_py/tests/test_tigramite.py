@@ -223,6 +223,14 @@ def test_sets_of_every_size_vote_whatever_the_limit_of_the_skeleton(chain):
     assert found["graph"][0, 1, 0] == found["graph"][2, 1, 0] == "o-o"
 
 
+def test_a_certain_link_has_strength_1_among_the_conditions(chain):
+    links = {0: {(1, 0): "o?o", (2, 0): "o?o"}, 1: {(0, 0): "o?o", (2, 0): "-->"}, 2: {(0, 0): "o?o", (1, 0): "<--"}}
+    test, links = _AllButOnePair(), {j: {**of, (j, -1): "-?>"} for j, of in links.items()}
+    PCMCI(pp.DataFrame(chain), test).run_pcalg(tau_max=1, pc_alpha=0.01, link_assumptions=links)
+    first = next(z for x, y, z in test.asked if (x, y) == ((0, 0), (1, 0)) and len(z) == 1)
+    assert first == [(1, -1)], "its own past, of strength 6, comes before the certain link"
+
+
 def test_results_are_printed_in_the_references_layout(pcmci, capsys):
     pcmci.print_results(pcmci.run_pcmci(tau_min=1))
     text = capsys.readouterr().out

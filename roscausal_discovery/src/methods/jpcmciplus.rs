@@ -312,7 +312,6 @@ impl Search<'_, '_> {
             max_conds_dim: s.max_conds_dim,
             conditions,
             sources,
-            certain: 1.0,
             all_lags: false,
             sepsets: Default::default(),
         }

@@ -147,7 +147,6 @@ impl Level<'_, '_> {
             max_conds_dim: self.settings.max_conds_dim,
             conditions: &|x, j, contemporaneous| self.conditions(&conditions, x, j, contemporaneous),
             sources: None,
-            certain: f64::INFINITY,
             all_lags: self.plus.pc_only,
             sepsets: Default::default(),
         };

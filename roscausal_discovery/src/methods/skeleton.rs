@@ -22,8 +22,6 @@ pub(crate) struct Skeleton<'a, 'b> {
     pub(crate) conditions: &'a Conditions<'a>,
     /// The variables whose links are tested, as causes; `None`: all.
     pub(crate) sources: Option<&'a [bool]>,
-    /// Strength of certain links among the neighbours, which come strongest first.
-    pub(crate) certain: f64,
     /// Whether neighbours at all lags are conditions, and not only those at lag 0.
     pub(crate) all_lags: bool,
     pub(crate) sepsets: HashMap<(Node, usize), Vec<Node>>,
@@ -54,9 +52,10 @@ impl Skeleton<'_, '_> {
             let neighbours: Vec<Vec<Node>> = (0..self.run.n_vars())
                 .map(|j| {
                     let mut nodes = self.neighbours(result, j);
+                    // A certain link has the strength 1, as in the matrices.
                     let untested = |node: &Node| {
                         let certain = self.links.get(node.var, j, node.lag).is_some_and(|a| a.exists());
-                        if certain { self.certain } else { f64::INFINITY }
+                        if certain { 1.0 } else { f64::INFINITY }
                     };
                     let of =
                         |node: &Node| strength.get(&(*node, j)).copied().unwrap_or_else(|| untested(node));
