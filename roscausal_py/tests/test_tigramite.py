@@ -231,6 +231,17 @@ def test_a_certain_link_has_strength_1_among_the_conditions(chain):
     assert first == [(1, -1)], "its own past, of strength 6, comes before the certain link"
 
 
+def test_what_is_known_to_be_absent_has_no_strength_in_lpcmci():
+    x = np.random.default_rng(0).normal(size=(200, 3))
+    for t in range(1, 200):
+        x[t] += 0.5 * x[t - 1]
+        x[t, 1] += 0.6 * x[t, 0]
+        x[t, 2] += 0.6 * x[t, 1]
+    links = {0: {(1, 0): "o?o"}, 1: {(0, 0): "o?o", (2, 0): "o?o"}, 2: {(1, 0): "o?o"}}
+    found = LPCMCI(pp.DataFrame(x), ParCorr()).run_lpcmci(link_assumptions={j: {**of, (j, -1): "o?>"} for j, of in links.items()})
+    assert found["val_matrix"][0, 2].tolist() == [0, 0] and found["p_matrix"][0, 2].tolist() == [1, 1]
+
+
 def test_results_are_printed_in_the_references_layout(pcmci, capsys):
     pcmci.print_results(pcmci.run_pcmci(tau_min=1))
     text = capsys.readouterr().out

@@ -214,7 +214,9 @@ impl<'a, 'b> Search<'a, 'b> {
                 answer
             }
         };
-        if let Some(place) = self.graph.place(pair.x, pair.y) {
+        // What is known to be absent keeps the value 0, though votes ask about it.
+        let place = self.graph.place(pair.x, pair.y).filter(|_| self.assumption(pair).is_some());
+        if let Some(place) = place {
             let evidence = &mut self.evidence[place];
             if answer.p_value > evidence.p_value {
                 evidence.p_value = answer.p_value;
