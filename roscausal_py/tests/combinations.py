@@ -9,6 +9,7 @@ import importlib
 import os
 import sys
 import warnings
+from copy import deepcopy
 
 import numpy as np
 import pytest
@@ -172,6 +173,24 @@ def difference(seed):
 @pytest.mark.parametrize("seed", range(COUNT))
 def test_a_configuration_gives_the_references_numbers(seed):
     assert difference(seed) is None, drawn(seed)[1:]
+
+
+@pytest.mark.parametrize("seed", [3, 4, 9])
+def test_a_frame_of_the_references_gives_the_numbers_of_ours(seed):
+    from roscausal.tigramite import data_processing as ours, pcmci
+    from roscausal.tigramite.independence_tests.parcorr import ParCorr
+    from tigramite import data_processing as theirs
+
+    data, frame, *_ = drawn(seed)
+    given = data if len(data) > 1 else data[0]
+    frames = [kind.DataFrame(deepcopy(given), **frame) for kind in (ours, theirs)]
+    runs = [pcmci.PCMCI(one, ParCorr(mask_type="y")) for one in frames]
+    for change in (0.0, 1.0):
+        # What is changed in place counts at the next run.
+        for one in frames:
+            one.values[0][30:40] += change
+        found = [run.run_pcmci(tau_max=2) for run in runs]
+        assert all(np.array_equal(found[0][name], found[1][name]) for name in ("graph", "val_matrix", "p_matrix"))
 
 
 if __name__ == "__main__":

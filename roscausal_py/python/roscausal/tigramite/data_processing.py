@@ -232,6 +232,20 @@ class DataFrame:
         return (array, xyz, tuple(roles[:3]), kind) if return_cleaned_xyz else (array, xyz, kind)
 
 
+def adopted(frame: Any) -> DataFrame:
+    """The frame; one of the reference's as one of ours, with the same arrays, so that what is changed in place counts."""
+    if isinstance(frame, DataFrame):
+        return frame
+    names = ("values", "mask", "missing_flag", "vector_vars", "var_names", "data_type", "datatime", "analysis_mode", "reference_points",
+             "time_offsets", "remove_missing_upto_maxlag")  # fmt: skip
+    if not all(hasattr(frame, name) for name in names) or not isinstance(frame.values, dict):
+        kind = f"{type(frame).__module__}.{type(frame).__name__}"
+        raise SettingError(f"setting 'dataframe': give a roscausal.tigramite.data_processing.DataFrame, not a {kind}")
+    own = DataFrame(frame.values, **{name: getattr(frame, name) for name in names[1:]})
+    own.values, own.mask, own.data_type = frame.values, frame.mask, frame.data_type
+    return own
+
+
 def bootstrapped(frame: Any, fit: Callable[[], Any], boot_samples: int, boot_blocklength: int, first: int | None) -> list[Any]:
     """What `fit` returns on each of so many draws of a frame's samples, in blocks; `first`: the first draw's seed, None: another one each time."""
     first = int(np.random.default_rng().integers(2**31)) if first is None else first

@@ -16,7 +16,7 @@ from .. import _native
 from .._native import SettingError
 from ..quick import plain, whole
 from . import results
-from .data_processing import DataFrame
+from .data_processing import DataFrame, adopted
 from .independence_tests.independence_tests_base import check_test
 from .refusal import NotCovered, not_covered, unknown
 from .results import Links
@@ -62,7 +62,7 @@ class PCMCI:
     """Causal discovery in time series: PCMCI, PCMCI+ and their parts.
 
     Args:
-        dataframe: The data.
+        dataframe: The data; a frame of tigramite's will do.
         cond_ind_test: A test of this package; or your own: a function `f(x, y, z) -> (value, p)` of arrays (n,), (n,),
             (n, k); an object with `run_test_raw(x, y, z)` of arrays (n, 1), (n, 1), (n, k) or None; an object with
             `run_test(X, Y, Z, tau_max)` of nodes `[(variable, -lag)]`. It is called once per question, one call at a time.
@@ -94,9 +94,7 @@ class PCMCI:
 
     def __init__(self, dataframe: DataFrame, cond_ind_test: Any, verbosity: int = 0, **others: object) -> None:
         unknown("PCMCI", others, ("dataframe", "cond_ind_test", "verbosity"))
-        if not isinstance(dataframe, DataFrame):
-            kind = f"{type(dataframe).__module__}.{type(dataframe).__name__}"
-            raise SettingError(f"setting 'dataframe': give a roscausal.tigramite.data_processing.DataFrame, not a {kind}")
+        dataframe = adopted(dataframe)
         self.dataframe, self.cond_ind_test, self.verbosity = dataframe, cond_ind_test, verbosity
         if hasattr(cond_ind_test, "set_dataframe"):
             cond_ind_test.set_dataframe(dataframe)

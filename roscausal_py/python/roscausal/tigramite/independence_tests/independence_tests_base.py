@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ... import _native
 from ..._native import DataError, SettingError
-from ..data_processing import DataFrame, Nodes, start_of
+from ..data_processing import DataFrame, Nodes, adopted, start_of
 from ..refusal import NotCovered, not_covered, unknown
 
 #: What the engine answers: value, p-value, interval, samples, and whether a threshold decides.
@@ -84,7 +84,7 @@ class CondIndTest:
 
     def set_dataframe(self, dataframe: DataFrame) -> None:
         """The data of `run_test` and `get_measure`."""
-        self.dataframe = dataframe
+        self.dataframe = adopted(dataframe)
 
     def set_mask_type(self, mask_type: str | None) -> None:
         """The roles in which a masked value excludes a sample."""
