@@ -49,6 +49,16 @@ def questions(tau_max):
         yield "get_bootstrap_of", {"function": name, "function_args": given}
 
 
+@pytest.mark.parametrize("tau_max", [2, 4])
+def test_the_data_of_pictures_are_the_references(tau_max):
+    theirs, ours = (fitted(package, None, {}, tau_max) for package in ("tigramite", "roscausal.tigramite"))
+    for i, j, tau in itertools.product(range(4), range(4), range(1, tau_max + 1)):
+        one, other = (med.get_mediation_graph_data(i=i, tau=tau, j=j) for med in (theirs, ours))
+        assert one.keys() == other.keys()
+        for name in one:
+            np.testing.assert_allclose(other[name], one[name], atol=1e-9, err_msg=f"{name} of {i}, {j}, {tau}")
+
+
 @pytest.mark.parametrize("mask_type", [None, "y", "xz"])
 @pytest.mark.parametrize("keywords", [{}, {"data_transform": None}])
 @pytest.mark.parametrize("tau_max", [None, 5])

@@ -308,6 +308,28 @@ class LinearMediation(Models):
         """The part of `get_ce` that passes through k (one variable, or any of several)."""
         return float(self.psi[abs(tau), j, i] - self._around(k)[abs(tau), j, i])
 
+    def get_mediation_graph_data(self, i: int, tau: int, j: int, include_neighbors: bool = False) -> dict[str, NDArray[np.float64]]:
+        """What tigramite's pictures of `get_ce` take: the part that passes through each variable (N,), and the links on its paths, by lag
+        (N, N, tau_max + 1) and between the moments of a window, (variable, moment) to (variable, moment)."""
+        not_covered(include_neighbors=include_neighbors)
+        n, moments = self.N, self.tau_max + 2
+        links = np.zeros((n, moments, n, moments))
+        for lag, of in enumerate(self.phi):
+            for t in range(moments - lag):
+                links[:, t, :, t + lag] = of.T
+        flat = links.reshape(n * moments, -1)
+        # How many paths lead from each to each.
+        paths = np.linalg.inv(np.eye(len(flat)) - (flat != 0))
+        start, end = (i + 1) * moments - 1 - abs(tau), (j + 1) * moments - 1
+        flat *= np.outer(paths[start], paths[:, end]) > 0.5
+        lags = [sum(links[:, t, :, t + lag] != 0 for t in range(moments - lag)) > 0 for lag in range(self.tau_max + 1)]
+        through = [self.get_mce(i, tau, j, k) for k in range(n)]
+        return {
+            "path_node_array": np.array(through),
+            "path_val_matrix": np.where(np.stack(lags, axis=2), self.get_val_matrix(), 0.0),
+            "tsg_path_val_matrix": flat,
+        }
+
     def get_conditional_mce(self, i: int, tau: int, j: int, k: int | Sequence[int], notk: int | Sequence[int]) -> float:
         """The part of `get_ce` that passes through k, and not through notk."""
         at = (abs(tau), j, i)
