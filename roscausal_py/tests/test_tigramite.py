@@ -163,6 +163,10 @@ def test_a_correction_of_pcmciplus_leaves_the_graph_as_in_the_reference():
         assert is_link.sum() == 7 and found["p_matrix"][is_link].max() == pytest.approx(largest, rel=1e-9)
 
 
+def test_tests_say_whether_a_threshold_holds_for_the_size_of_the_value():
+    assert ParCorr().two_sided and not any(kind().two_sided for kind in (GPDC, CMIknn, RegressionCI)), "as PairwiseMultCI asks"
+
+
 def test_single_tests_say_value_p_value_and_decision(chain):
     test = ParCorr()
     test.set_dataframe(pp.DataFrame(chain))

@@ -16,5 +16,5 @@ class GPDC(CondIndTest):
         True
     """
 
-    measure, _engine = "gp_dc", "gpdc"
+    measure, _engine, _one_sided = "gp_dc", "gpdc", True
     _fixed = {"null_dist_filename": None, "gp_params": None}

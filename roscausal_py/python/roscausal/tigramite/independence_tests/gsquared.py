@@ -16,6 +16,6 @@ class Gsquared(CondIndTest):
         True
     """
 
-    measure, _engine = "gsquared", "gsquared"
+    measure, _engine, _one_sided = "gsquared", "gsquared", True
     # The engine counts the values that are there, and so does the reference where it is not told.
     _fixed = {"n_symbs": None}

@@ -77,6 +77,11 @@ class CondIndTest:
         return {}
 
     @property
+    def two_sided(self) -> bool:
+        """Whether a threshold is compared with the size of the value."""
+        return not self._one_sided
+
+    @property
     def spec(self) -> str:
         """Name and settings, as the engine takes them."""
         shared = {name: getattr(self, name) for name in _SHARED}

@@ -20,7 +20,7 @@ class RegressionCI(CondIndTest):
         True
     """
 
-    measure, _engine = "regression_ci", "regressionci"
+    measure, _engine, _one_sided = "regression_ci", "regressionci", True
 
     def _check(self, frame: DataFrame) -> None:
         # The engine takes up to ten different whole numbers for categories; what the user says must agree.
