@@ -94,6 +94,24 @@ fn an_hour_or_a_place_that_nobody_recorded_is_refused() {
 }
 
 #[test]
+fn an_hour_past_midnight_is_found_whether_the_days_count_on_or_begin_anew() {
+    let (data, made) = days(2, 3, None);
+    for shift in [0.0, 15.0] {
+        // From 8 to 11, and from 23 to 26.
+        let mut recordings = data.recordings().to_vec();
+        recordings.iter_mut().for_each(|rows| rows.column_mut(2).mapv_inplace(|hour| hour + shift));
+        let data = DataFrame::new(recordings, data.var_names().to_vec()).unwrap();
+        let levels = Levels::fit(&data, &made, &graph(), 0, 2, Way::Causal).unwrap();
+        let last = 10.5 + shift;
+        assert!(levels.level(1, last).is_some());
+        for again in [last - 24.0, last + 24.0] {
+            assert_eq!(levels.level(1, again), levels.level(1, last), "{again}");
+        }
+        assert_eq!(levels.level(1, last + 1.0), None);
+    }
+}
+
+#[test]
 fn a_day_that_differs_begins_anew_and_others_do_not() {
     let mut false_ones = 0;
     for seed in 0..20 {

@@ -279,13 +279,10 @@ impl Levels {
 
     fn cell(&self, place: usize, hour: f64) -> Option<usize> {
         let (first, bins) = self.hours;
-        let bin = if self.pooled {
-            0
-        } else if !hour.is_finite() {
-            return None;
-        } else {
-            usize::try_from((hour - first).floor() as i64).ok().filter(|bin| *bin < bins)?
-        };
+        let within = |bin: f64| (0.0..bins as f64).contains(&bin).then_some(bin as usize);
+        let bin = (hour - first).floor();
+        // What goes past midnight counts on in the days, or begins anew.
+        let bin = if self.pooled { 0 } else { within(bin).or_else(|| within(bin.rem_euclid(24.0)))? };
         Some(place * bins + bin).filter(|cell| *cell < self.cells.len())
     }
 
