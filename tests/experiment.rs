@@ -313,6 +313,20 @@ fn days_are_recorded_analysed_and_asked_for_a_route() {
     assert!(text.contains("people on the way") && text.contains("It rests on 4 days"), "{text}");
     let json = done(&[ask.as_slice(), &["--json", "--loaded", "--allowed", "120"]].concat());
     assert!(json.contains("\"places\":[\"dock_s0\"") && json.contains("dock_n3"), "{json}");
+    // A place may be written as its name.
+    let map = read(dir.path(), "days/house_1.toml");
+    let names: Vec<&str> =
+        map.lines().filter_map(|line| line.strip_prefix("name = \"")?.strip_suffix('"')).collect();
+    for day in days.split(',') {
+        let named = |line: &str| {
+            let cells: Vec<&str> = line.splitn(3, ',').collect();
+            let place = cells[1].parse().map_or(cells[1], |place: usize| names[place]);
+            format!("{},{place},{}\n", cells[0], cells[2])
+        };
+        let table: String = read(dir.path(), day).lines().map(named).collect();
+        fs::write(dir.path().join(day), table).expect("writes");
+    }
+    assert_eq!(done(&ask), text);
     for (flag, value, code) in
         [("--at", "20:00", 3), ("--to", "moon", 2), ("--now", "1,2", 2), ("--at", "8:99", 2)]
     {

@@ -9,8 +9,8 @@
 //! 0,1,0,1,8.0,0.61,0.0069,0
 //! ```
 //!
-//! `place` is the position in the map's list, from 0. `speed` (m/s), `loss` (percent of the battery in a second) and `load` (0 or 1)
-//! stand in rows of the robot's own place, if anywhere; `speed` only while it drives.
+//! `place` is the place's name, or its position in the map's list, from 0. `speed` (m/s), `loss` (percent of the battery in a second)
+//! and `load` (0 or 1) stand in rows of the robot's own place, if anywhere; `speed` only while it drives.
 
 use std::{
     fmt::Write as _,
@@ -224,14 +224,16 @@ fn days(map: &Map, graph: &Graph, tables: &[PathBuf], target: &str) -> Result<Da
     for (day, path) in tables.iter().enumerate() {
         let reading =
             Reading { columns: Some(names.clone()), recording: Some(PLACE.into()), ..Reading::default() };
-        let table = Table::read_as(path, &reading)?;
-        if let Some(Note::Coded { column, .. }) =
-            table.notes.iter().find(|note| matches!(note, Note::Coded { .. }))
-        {
-            let reason = format!(
-                "'{column}' has words; write numbers, and a place as its position in the map's list, from 0"
-            );
-            return Err(Error::file(path, reason));
+        let mut table = Table::read_as(path, &reading)?;
+        let words = table.notes.iter().find_map(|note| match note {
+            Note::Coded { words, .. } => Some(words),
+            _ => None,
+        });
+        if let Some(words) = words {
+            let place = |word: &String| map.place(word).map_err(|error| Error::file(path, error));
+            let named = words.iter().map(place).collect::<Result<Vec<usize>>>()?;
+            let number = |code: f64| if code.is_nan() { code } else { named[code as usize] as f64 };
+            table.values.column_mut(wide + FARED.len()).mapv_inplace(number);
         }
         for (name, part) in table.by_recording(PLACE, false).map_err(|reason| Error::file(path, reason))? {
             let place = name.rsplit(' ').next().and_then(|text| text.parse().ok());

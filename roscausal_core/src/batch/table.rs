@@ -104,8 +104,8 @@ pub enum Note {
     Coded {
         /// Its name.
         column: String,
-        /// The words with their codes.
-        codes: String,
+        /// The words in the order of their codes, which count from 0.
+        words: Vec<String>,
     },
     /// All its numbers are the same.
     Constant {
@@ -194,7 +194,9 @@ impl fmt::Display for Note {
                 "column '{column}': {missing} of {cells} cells are empty or NaN; samples that need them are left out"
             ),
             Self::Read(reported) => f.write_str(reported),
-            Self::Coded { column, codes } => write!(f, "words of column '{column}' as codes: {codes}"),
+            Self::Coded { column, words } => {
+                write!(f, "words of column '{column}' as codes: {}", Codes::reported(words))
+            }
             Self::Constant { column, value } => {
                 write!(f, "column '{column}' is constant ({value}): it can be neither cause nor effect")
             }
@@ -577,7 +579,7 @@ impl<'a> Rows<'a> {
             let Some(at) = self.columns.iter().position(|other| other == column) else { continue };
             let recode = |value: f64| if value.is_nan() { value } else { sorted[value as usize] };
             values.index_axis_mut(Axis(1), at).mapv_inplace(recode);
-            reported.push(Note::Coded { column: name.clone(), codes: codes.reported() });
+            reported.push(Note::Coded { column: name.clone(), words: codes.words() });
         }
         check_stands(self.nameless || self.names_are_numbers(0), values.dim())?;
         let own_time = self.first_is_time(&values);

@@ -81,12 +81,17 @@ impl Codes {
         sorted
     }
 
+    /// The words in the order of their final codes.
+    pub(super) fn words(&self) -> Vec<String> {
+        self.codes.keys().cloned().collect()
+    }
+
     /// `0 idle, 1 walk`.
-    pub(super) fn reported(&self) -> String {
+    pub(super) fn reported(words: &[String]) -> String {
         const MOST: usize = 12;
         let mut reported: Vec<String> =
-            self.codes.keys().take(MOST).enumerate().map(|(code, word)| format!("{code} {word}")).collect();
-        if self.codes.len() > MOST {
+            words.iter().take(MOST).enumerate().map(|(code, word)| format!("{code} {word}")).collect();
+        if words.len() > MOST {
             reported.push("...".into());
         }
         reported.join(", ")
@@ -134,6 +139,6 @@ mod tests {
         let mut codes = Codes::default();
         assert_eq!(["walk", "idle", "walk", "run"].map(|word| codes.of(word)), [0.0, 1.0, 0.0, 2.0]);
         assert_eq!(codes.sorted(), [2.0, 0.0, 1.0]);
-        assert_eq!(codes.reported(), "0 idle, 1 run, 2 walk");
+        assert_eq!(Codes::reported(&codes.words()), "0 idle, 1 run, 2 walk");
     }
 }
