@@ -8,10 +8,10 @@ OUT already are not simulated again. Python's standard library is enough."""
 import concurrent.futures, json, math, pathlib, subprocess, sys
 
 WALK = dict(
-    acceleration=2.0, braking=2.5, turn_rate=2.5, turn_in_place=2.5, slow_distance=6.0, slow_floor=0.15, reaction=0.4, pace_sd=0.3,
-    pace_time=0.3, brake_to=0.2,
+    speed=1.2, acceleration=2.0, braking=2.5, turn_rate=2.5, turn_in_place=2.5, slow_distance=6.0, slow_floor=0.15, reaction=0.4, pace_sd=0.3,
+    pace_time=0.3, brake_to=0.02,
 )
-SQUARE = [[-6.0, -6.0], [6.0, -6.0], [6.0, 6.0], [-6.0, 6.0]]
+SQUARE = [[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]]
 LOOP = [[2.0, -3.0], [2.0, 3.0], [-2.0, 3.0], [-2.0, -3.0]]
 TRUE = {("h_v", "h_dg"), ("h_dg", "h_v"), ("h_risk", "h_v"), ("h_v", "h_risk")}
 METHODS = ["pcmci", "pcmciplus", "lpcmci", "fpcmci", "granger", "varlingam", "dynotears", "tsfci", "timino"]
