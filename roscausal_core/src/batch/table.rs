@@ -456,8 +456,8 @@ impl<'a> Rows<'a> {
                 first.filter(|&column| date(column).is_some()).map(|column| (column, None))
             }),
         };
-        let is_day = |t: f64| t.abs() >= time::DAY && t % time::DAY == 0.0;
-        let is_of_day = |t: f64| (0.0..time::DAY).contains(&t);
+        let is_day = |t: f64| t.abs() >= steps::DAY && t % steps::DAY == 0.0;
+        let is_of_day = |t: f64| (0.0..steps::DAY).contains(&t);
         let first = |is: fn(f64) -> bool| {
             let is_it = |&column: &usize| {
                 columns::time_name(&self.header[column]).is_some() && date(column).is_some_and(is)

@@ -15,8 +15,7 @@ use roscausal_discovery::{Named, ensure};
 
 use super::{
     Note, Table,
-    steps::{self, GAP_STEPS, Steps, at_times, digits, evenly},
-    time::DAY,
+    steps::{self, DAY, GAP_STEPS, Steps, at_times, digits, evenly},
 };
 
 /// Steps from which on times are a calendar's, seconds: 20 days.

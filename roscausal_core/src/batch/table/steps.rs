@@ -8,13 +8,15 @@ use crate::ensure;
 use ndarray::{Array2, Axis, s};
 use roscausal_discovery::Named;
 
-use super::{Note, Table, time::DAY};
+use super::{Note, Table};
 use crate::memory::{Memory, most_grown};
 
 /// Steps farther than this fraction from the median are uneven.
 const UNEVEN: f64 = 0.25;
 /// The share of uneven steps from which a recording is irregular.
 const IRREGULAR: f64 = 0.1;
+/// Seconds of a day.
+pub(super) const DAY: f64 = 86_400.0;
 /// A gap is longer than this many steps, unless the user says how long.
 pub(super) const GAP_STEPS: f64 = 5.0;
 /// Even steps that vary by more than this are told.

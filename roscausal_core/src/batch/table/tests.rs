@@ -88,7 +88,7 @@ fn prose_before_a_header_behind_a_hash_is_passed_over() {
     let rows = "  260,20200101,  73\n  260,20200102,  41\n  260,20200103,  23\n";
     let table = parse(&format!("BRON: KNMI\nSTN = Station\n\n# STN,YYYYMMDD,  FG\n{rows}")).expect("reads");
     assert_eq!((table.names, table.values[[1, 1]]), (vec!["STN".to_owned(), "FG".to_owned()], 41.0));
-    assert_eq!(table.time.map(|time| time[1] - time[0]), Some(time::DAY));
+    assert_eq!(table.time.map(|time| time[1] - time[0]), Some(steps::DAY));
     // KNMI's own files have a bare `#` between the header and the rows.
     for prose in ["# BRON: KNMI\n#\n", "BRON: KNMI\n\n"] {
         let table = parse(&format!("{prose}# STN,YYYYMMDD,  FG\n# \n{rows}")).expect("reads");

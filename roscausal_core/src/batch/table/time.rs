@@ -3,7 +3,7 @@
 use chrono::{DateTime, Datelike, NaiveDate, NaiveDateTime, NaiveTime};
 use roscausal_discovery::Named;
 
-use super::steps::median_step;
+use super::steps::{DAY, median_step};
 
 /// The unit of a column of times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,9 +49,6 @@ roscausal_discovery::words!(
     Hours "h" | "hr" | "hrs" | "hours",
     Days "d" | "day" | "days"
 );
-
-/// Seconds of a day.
-pub(super) const DAY: f64 = 86_400.0;
 
 /// Times in seconds, and what to tell about their unit. `known` is the unit if the user or the header says it.
 ///
