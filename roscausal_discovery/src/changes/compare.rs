@@ -270,12 +270,12 @@ impl Comparison<'_> {
         (before, after): Groups<'_>,
         mut mechanisms: Mechanisms,
         level: f64,
-        known: &[Place],
+        known: &[(Place, Option<Kind>)],
         suspected: Option<&[Difference]>,
     ) -> Result<Changed> {
         let (mut found, mut all): (Vec<Difference>, Option<Vec<Difference>>) = (Vec::new(), None);
         let later = after.get(1..).filter(|later| !later.is_empty()).unwrap_or(after);
-        known.iter().for_each(|at| mechanisms.add(*at));
+        known.iter().for_each(|(at, _)| mechanisms.add(*at));
         loop {
             let together = self.differences((before, after), &mechanisms)?;
             let alone = self.differences((before, later), &mechanisms)?;
@@ -284,8 +284,11 @@ impl Comparison<'_> {
                 let is_same = |told: &Place| {
                     told.effect == of.at.effect && (told.cause == of.at.cause || self.form == Form::Curve)
                 };
-                let moves = |told: &Difference| self.form == Form::Slope && told.moves_with(of);
-                known.iter().any(is_same) || found.iter().any(|told| is_same(&told.at) && !moves(told))
+                let moves = |at: Place, kind: Kind| self.form == Form::Slope && of.moves_with(at, kind);
+                let is_again =
+                    |at: Place, kind: Option<Kind>| is_same(&at) && kind.is_none_or(|kind| !moves(at, kind));
+                known.iter().any(|(at, kind)| is_again(*at, *kind))
+                    || found.iter().any(|told| is_again(told.at, Some(told.kind)))
             };
             let is_suspected = |of: &Difference| match suspected {
                 Some(all) if found.is_empty() => {

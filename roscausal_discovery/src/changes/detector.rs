@@ -79,7 +79,28 @@ pub struct Detector {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Begun {
     links: Vec<Place>,
+    /// What became of each of them; none in files of before.
+    #[serde(default)]
+    kinds: Vec<Kind>,
     looks: usize,
+}
+
+impl Begun {
+    fn add(&mut self, found: &[Difference]) {
+        self.links.extend(found.iter().map(|difference| difference.at));
+        self.kinds.extend(found.iter().map(|difference| difference.kind));
+    }
+
+    fn known(&self) -> Vec<(Place, Option<Kind>)> {
+        self.links.iter().enumerate().map(|(k, at)| (*at, self.kinds.get(k).copied())).collect()
+    }
+
+    /// The lag that a link had before, if it came to another one.
+    fn moved_from(&self, to: &Difference) -> Option<usize> {
+        let mut all = self.links.iter().zip(&self.kinds);
+        let from = all.find(|(at, kind)| **kind == Kind::Vanished && to.moves_with(**at, **kind));
+        from.map(|(at, _)| at.lag)
+    }
 }
 
 /// A batch that seems to differ.
@@ -324,17 +345,19 @@ impl Detector {
             return Ok(());
         }
         let Changed { found, mechanisms, .. } =
-            comparison.changed(groups, mechanisms, self.levels.confirm, &self.begun.links, None)?;
+            comparison.changed(groups, mechanisms, self.levels.confirm, &self.begun.known(), None)?;
+        let mut begun = self.begun.clone();
+        begun.add(&found);
         let mut reported = Vec::new();
         for difference in &found {
             let mut event = self.event(self.next_id(reported.len()), Status::Confirmed, difference);
             event.changed_between = located(&comparison, groups, difference.at, &mechanisms);
             event.regime = Some(self.number);
+            event.moved_from = begun.moved_from(difference);
             reported.push(event);
         }
         self.reported += reported.len();
-        self.begun.looks -= 1;
-        self.begun.links.extend(found.iter().map(|difference| difference.at));
+        self.begun = Begun { looks: begun.looks - 1, ..begun };
         events.extend(reported);
         Ok(())
     }
@@ -427,6 +450,8 @@ impl Detector {
             return Ok(None);
         }
         let same_as = if confirmed.is_empty() { None } else { self.known_regime(&comparison, &both)? };
+        let mut begun = Begun::default();
+        begun.add(&confirmed);
         let (mut effects, mut reported, mut more) = (Vec::new(), Vec::new(), 0);
         for difference in &confirmed {
             let of_effect = |(seen, id): &(Difference, Option<String>)| {
@@ -465,7 +490,7 @@ impl Detector {
         self.since = since;
         self.reported += more;
         let looks = if self.form == Form::Curve { 0 } else { LOOKS };
-        self.begun = Begun { links: confirmed.iter().map(|difference| difference.at).collect(), looks };
+        self.begun = Begun { looks, ..begun };
         self.baseline.forget();
         // Rows from before the change would make the new regime differ from what follows.
         let held = [held.batch].into_iter().chain(held.more);

@@ -35,12 +35,12 @@ impl Difference {
         self.after.value > self.before.value
     }
 
-    /// Whether the two are one link that came to another lag: it vanished at one and appeared at the other.
-    pub(super) fn moves_with(&self, other: &Self) -> bool {
-        let pair = |of: &Self| (of.at.cause, of.at.effect);
-        let kinds = (self.kind, other.kind);
-        let opposite = kinds == (Kind::Vanished, Kind::Appeared) || kinds == (Kind::Appeared, Kind::Vanished);
-        pair(self) == pair(other) && self.at.lag != other.at.lag && opposite
+    /// Whether this and a link of which that became are one that came to another lag: it went at one, and appeared at the other.
+    pub(super) fn moves_with(&self, at: Place, kind: Kind) -> bool {
+        let has_gone = |kind: Kind| matches!(kind, Kind::Vanished | Kind::Weaker);
+        let opposite = (has_gone(kind) && self.kind == Kind::Appeared)
+            || (has_gone(self.kind) && kind == Kind::Appeared);
+        (at.cause, at.effect) == (self.at.cause, self.at.effect) && at.lag != self.at.lag && opposite
     }
 }
 
