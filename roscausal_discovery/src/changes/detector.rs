@@ -468,9 +468,7 @@ impl Detector {
             event.changed_between = located(&comparison, groups, difference.at, &mechanisms);
             event.regime = Some(self.number + 1);
             event.same_as = same_as;
-            let moved =
-                confirmed.iter().find(|other| other.kind == Kind::Vanished && other.moves_with(difference));
-            event.moved_from = moved.map(|other| other.at.lag);
+            event.moved_from = begun.moved_from(difference);
             reported.push(event);
         }
         for (seen, id) in &held.links {
