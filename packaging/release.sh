@@ -114,7 +114,11 @@ deb_of() {
   gzip -9nc CHANGELOG.rst >$made/changelog.gz
   printf 'roscausal (%s-1) unstable; urgency=medium\n\n  * Version %s; changelog.gz says what is new.\n\n -- %s  %s\n' "$version" "$version" \
     "$(sed -n 's/^maintainer = "\(.*\)"/\1/p' Cargo.toml)" "$(date -R -u -d "@$SOURCE_DATE_EPOCH")" >$made/changelog.Debian
-  cargo deb --quiet --locked --no-build --target "$1" -p roscausal --output dist/
+  # The system's strip knows this kind of processor alone, the one that comes with Rust knows all.
+  local rust
+  rust=$(rustc --print sysroot)
+  LD_LIBRARY_PATH=$rust/lib "$rust/lib/rustlib/$target/bin/rust-objcopy" --strip-unneeded "${CARGO_TARGET_DIR:-target}/$1/release/roscausal"
+  cargo deb --quiet --locked --no-build --no-strip --target "$1" -p roscausal --output dist/
 }
 
 deb() { deb_of "$target"; }
