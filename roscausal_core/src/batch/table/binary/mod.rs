@@ -128,7 +128,7 @@ fn as_numbers(
             let given: Vec<Option<f64>> =
                 words.iter().map(|word| word.as_deref().map(|word| codes.of(word))).collect();
             let sorted = codes.sorted();
-            reported.push(Note::Read(format!("words of column '{name}' as codes: {}", codes.reported())));
+            reported.push(Note::Coded { column: name.clone(), words: codes.words() });
             let number = |code: Option<f64>| code.map_or(f64::NAN, |code| sorted[code as usize]);
             return Ok(given.into_iter().map(number).collect());
         }
