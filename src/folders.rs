@@ -56,7 +56,12 @@ impl Folders {
             fs::create_dir_all(folder).map_err(|e| folders.named(Error::file(folder, e)))?;
         }
         let (results, raw) = (folders.results.clone(), folders.raw.clone());
-        interrupt.do_at_end(move || drop(keep(&results, &raw)));
+        let out = folders.out.clone();
+        interrupt.do_at_end(move || {
+            if keep(&results, &raw).unwrap_or(false) {
+                tell!("ended; {} keeps batches and models so far", out.display());
+            }
+        });
         Ok(folders)
     }
 
@@ -129,13 +134,13 @@ impl Drop for Folders {
     }
 }
 
-/// Keeps the results if there is a batch; else all stays as it was.
-fn keep(results: &Mutex<Option<Results>>, raw: &Path) -> Result<()> {
+/// Keeps the results if there is a batch, and says whether; else all stays as it was.
+fn keep(results: &Mutex<Option<Results>>, raw: &Path) -> Result<bool> {
     // Held to the end: whoever comes second waits.
     let mut results = lock(results);
     match results.take() {
-        Some(results) if !with_ending(raw, ".csv")?.is_empty() => results.finish(),
-        _ => Ok(()),
+        Some(results) if !with_ending(raw, ".csv")?.is_empty() => results.finish().map(|()| true),
+        _ => Ok(false),
     }
 }
 
