@@ -111,13 +111,15 @@ impl Later {
             .saturating_add((2.0 * memory).ceil() as usize)
             .clamp(tau_max.saturating_add(LAGS[0]), tau_max.saturating_add(LAGS[1]))
             .min(most);
+        // Where the distances leave no room, lines are looked at.
+        let no_room = || if any_shape { Self::of(data, tau_max, memory, false) } else { Vec::new() };
         if lags <= tau_max {
-            return Vec::new();
+            return no_room();
         }
         let (mut gram, rows) = gram(data, n, lags);
         let given = n * tau_max;
         if rows < 3 * given + 50 {
-            return Vec::new();
+            return no_room();
         }
         let at = |var: usize, lag: usize| var * (lags + 1) + lag;
         for (var, lag) in (0..n).flat_map(|var| (1..=tau_max).map(move |lag| (var, lag))) {

@@ -105,6 +105,24 @@ fn a_test_of_any_shape_is_shown_longer_lags_that_no_line_has() {
 }
 
 #[test]
+fn a_test_of_any_shape_is_shown_lines_where_distances_leave_no_room() {
+    // Too few rows for twice as many columns, and too many columns.
+    for (rows, vars, tau_max, lag) in [(100, 5, 2, 4), (600, 30, 4, 7)] {
+        let mut seed = 5;
+        let mut values = Array2::<f64>::zeros((rows, vars));
+        values.mapv_inplace(|_| normal(&mut seed));
+        for t in lag..rows {
+            values[[t, 1]] += 0.8 * values[[t - lag, 0]];
+        }
+        let names = (0..vars).map(|var| format!("v{var}")).collect();
+        let data = DataFrame::new(vec![values], names).unwrap();
+        let found = Later::of(&data, tau_max, 1.0, true);
+        assert!(found.iter().any(|later| (later.effect.as_str(), later.lag) == ("v1", lag)), "{found:?}");
+        assert_eq!(found, Later::of(&data, tau_max, 1.0, false));
+    }
+}
+
+#[test]
 fn recordings_and_missing_values_are_kept_apart_and_the_sentence_says_when() {
     let mut parts: Vec<Array2<f64>> =
         (0..3).map(|k| system(40 + k, 0, 1..=1).0.recordings()[0].clone()).collect();
