@@ -228,6 +228,17 @@ fn dependence_within_a_row_is_said_where_lag_0_is_not_tested_and_no_link_stands_
     let at_lag_0 = Settings { tau_min: 0, method: Method::Pcmciplus, ..settings.clone() };
     assert_eq!(within(&data(0.0), &at_lag_0).within, []);
 
+    let advised = |settings: &Settings| {
+        let rows = data(0.0);
+        let mut model = analyse(&rows, settings, &Control::default()).unwrap();
+        model.about_data = Some(within(&rows, settings));
+        let advice = model.summary().advice;
+        advice.iter().find(|one| one.text.starts_with("Test links within a row")).map(|one| one.about)
+    };
+    assert_eq!(advised(&settings), Some("method"));
+    // A method that tests lag 0 unless it is told not to is told to.
+    assert_eq!(advised(&Settings { method: Method::Pcmciplus, ..settings.clone() }), Some("tau_min"));
+
     let conclusion = |data: &DataFrame| {
         let mut model = analyse(data, &settings, &Control::default()).unwrap();
         model.about_data = Some(within(data, &settings));

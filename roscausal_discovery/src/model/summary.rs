@@ -84,7 +84,7 @@ pub struct SummaryLink {
 /// What to do next.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SummaryAdvice {
-    /// What it is about: `time_budget`, `tau_max`, `season`, `rows`, `fdr`, `record_longer`, `method` or `resamples`.
+    /// What it is about: `time_budget`, `tau_max`, `tau_min`, `season`, `rows`, `fdr`, `record_longer`, `method` or `resamples`.
     pub about: &'static str,
     /// It in words.
     pub text: String,
@@ -471,8 +471,11 @@ impl<'a> Facts<'a> {
                 add("tau_max", format!("Test longer lags: {} {}.", Named("tau_max"), later.tau_max));
             }
             if self.not_linked_within().next().is_some() {
-                let (flag, method) = (Named("method"), Method::Pcmciplus);
-                add("method", format!("Test links within a row, too: {flag} {method}."));
+                let (about, value) = match self.info {
+                    Some(info) if info.tau_min == 0 => ("tau_min", "0"),
+                    _ => ("method", Method::Pcmciplus.info().name),
+                };
+                add(about, format!("Test links within a row, too: {} {value}.", Named(about)));
             }
             if let Some(season) = &profile.season {
                 let (flag, period) = (Named("season"), season.period);
