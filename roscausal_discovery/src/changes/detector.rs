@@ -79,26 +79,28 @@ pub struct Detector {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Begun {
     links: Vec<Place>,
-    /// What became of each of them; none in files of before.
+    /// What became of each of them, where that is known: not in files of before.
     #[serde(default)]
-    kinds: Vec<Kind>,
+    kinds: Vec<Option<Kind>>,
     looks: usize,
 }
 
 impl Begun {
     fn add(&mut self, found: &[Difference]) {
+        self.kinds.resize(self.links.len(), None);
         self.links.extend(found.iter().map(|difference| difference.at));
-        self.kinds.extend(found.iter().map(|difference| difference.kind));
+        self.kinds.extend(found.iter().map(|difference| Some(difference.kind)));
     }
 
     fn known(&self) -> Vec<(Place, Option<Kind>)> {
-        self.links.iter().enumerate().map(|(k, at)| (*at, self.kinds.get(k).copied())).collect()
+        self.links.iter().enumerate().map(|(k, at)| (*at, self.kinds.get(k).copied().flatten())).collect()
     }
 
     /// The lag that a link had before, if it came to another one.
     fn moved_from(&self, to: &Difference) -> Option<usize> {
+        let gone = Kind::Vanished;
         let mut all = self.links.iter().zip(&self.kinds);
-        let from = all.find(|(at, kind)| **kind == Kind::Vanished && to.moves_with(**at, **kind));
+        let from = all.find(|(at, kind)| **kind == Some(gone) && to.moves_with(**at, gone));
         from.map(|(at, _)| at.lag)
     }
 }
@@ -574,4 +576,25 @@ fn located(
         Form::Curve => curves::curve_of(comparison, (before, &[newest]), at),
     };
     when::between(comparison, &batches, at, mechanisms, curve.as_ref())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::slope::Slope;
+
+    #[test]
+    fn what_became_of_the_links_in_a_file_of_before_stays_unknown() {
+        let of_before = r#"{"links":[{"cause":0,"effect":1,"lag":1}],"looks":2}"#;
+        let mut begun: Begun = serde_json::from_str(of_before).unwrap();
+        let slope = Slope { value: 0.0, variance: 1.0 };
+        let of = |lag: usize, kind: Kind| {
+            let at = Place { cause: 0, effect: 1, lag };
+            Difference { at, before: slope, after: slope, kind, z: 5.0, p: 0.0, q: 0.0 }
+        };
+        begun.add(&[of(2, Kind::Vanished)]);
+        let kinds: Vec<Option<Kind>> = begun.known().into_iter().map(|(_, kind)| kind).collect();
+        assert_eq!(kinds, [None, Some(Kind::Vanished)]);
+        assert_eq!(begun.moved_from(&of(3, Kind::Appeared)), Some(2));
+    }
 }
