@@ -263,23 +263,21 @@ impl Level<'_, '_> {
         }
         let middle = Node::new(triple.k, 0);
         let ends = [triple.i, Node::new(triple.j, 0)];
-        let mut seen: Vec<Vec<Node>> = Vec::new();
+        neighbours.iter_mut().for_each(|of| of.retain(|node| !ends.contains(node)));
         let (mut with, mut all) = (0, 0);
-        for neighbours in &mut neighbours {
-            neighbours.retain(|node| !ends.contains(node));
+        for (k, of) in neighbours.iter().enumerate() {
+            // What is a set of both ends' neighbours votes once.
+            let has_voted = |set: &[Node]| {
+                neighbours[..k].iter().any(|before| set.iter().all(|node| before.contains(node)))
+            };
             // All sizes vote, whatever the limit of the skeleton: small sets alone seldom hold the middle.
-            for size in 0..=neighbours.len() {
-                for set in combinations(neighbours, size) {
-                    let mut sorted = set.clone();
-                    sorted.sort_unstable();
-                    if !seen.contains(&sorted) {
-                        seen.push(sorted);
-                        let z = (skeleton.conditions)(triple.i, triple.j, &set);
-                        let outcome = self.run.test(triple.i, Node::new(triple.j, 0), &z)?;
-                        if !self.run.decide(outcome, self.pc_alpha).1 {
-                            all += 1;
-                            with += usize::from(set.contains(&middle));
-                        }
+            for size in 0..=of.len() {
+                for set in combinations(of, size).filter(|set| !has_voted(set)) {
+                    let z = (skeleton.conditions)(triple.i, triple.j, &set);
+                    let outcome = self.run.test(triple.i, Node::new(triple.j, 0), &z)?;
+                    if !self.run.decide(outcome, self.pc_alpha).1 {
+                        all += 1;
+                        with += usize::from(set.contains(&middle));
                     }
                 }
             }
