@@ -77,7 +77,10 @@ fn halve(links: &mut Vec<Link>, draw: &mut Draw) {
 fn two(links: &mut Vec<Link>, draw: &mut Draw) {
     let which = draw.below(links.len());
     links[which].3[1] = 0.0;
-    let (i, j) = free(links, draw, Some(links[which].1));
+    // An effect of all others has room for no other cause.
+    let effect = links[which].1;
+    let has_room = links.iter().filter(|link| link.1 == effect).count() < VARS - 1;
+    let (i, j) = free(links, draw, has_room.then_some(effect));
     links.push((i, j, 1 + draw.below(2), [0.0, 0.4]));
 }
 

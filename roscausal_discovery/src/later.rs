@@ -107,19 +107,19 @@ impl Later {
         let vars = data.n_vars();
         let n = if any_shape { 2 * vars } else { vars };
         let most = (MOST_COLUMNS / n.max(1)).saturating_sub(1);
-        let lags = tau_max
+        let wanted = tau_max
             .saturating_add((2.0 * memory).ceil() as usize)
-            .clamp(tau_max.saturating_add(LAGS[0]), tau_max.saturating_add(LAGS[1]))
-            .min(most);
-        // Where the distances leave no room, lines are looked at.
-        let no_room = || if any_shape { Self::of(data, tau_max, memory, false) } else { Vec::new() };
-        if lags <= tau_max {
-            return no_room();
+            .clamp(tau_max.saturating_add(LAGS[0]), tau_max.saturating_add(LAGS[1]));
+        let lags = wanted.min(most);
+        // Where the distances leave no room for as many lags, or too few rows, lines are looked at.
+        let lines = || if any_shape { Self::of(data, tau_max, memory, false) } else { Vec::new() };
+        if lags <= tau_max || (any_shape && lags < wanted) {
+            return lines();
         }
         let (mut gram, rows) = gram(data, n, lags);
         let given = n * tau_max;
         if rows < 3 * given + 50 {
-            return no_room();
+            return lines();
         }
         let at = |var: usize, lag: usize| var * (lags + 1) + lag;
         for (var, lag) in (0..n).flat_map(|var| (1..=tau_max).map(move |lag| (var, lag))) {
