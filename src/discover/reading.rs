@@ -135,6 +135,7 @@ impl ReadArgs {
             no_header: self.no_header,
             names: self.names.clone(),
             recording: self.recording.clone(),
+            whose: false,
             max_memory,
         };
         if let (Some(flag), true) = (self.of_lines(), files.iter().all(Input::is_recorded)) {
@@ -204,7 +205,7 @@ impl ReadArgs {
         if self.columns.is_none() || self.recording.is_some() || !file.table.is_file() {
             return Ok(None);
         }
-        let all = Reading { columns: None, encode: true, equal_times: true, ..reading.clone() };
+        let all = Reading { columns: None, encode: true, equal_times: true, whose: true, ..reading.clone() };
         // What cannot be read is no matter here.
         let Ok(Table { names, values, .. }) = Table::read_as(&file.table, &all) else { return Ok(None) };
         let data = DataFrame::new(vec![values], names)?;

@@ -77,6 +77,9 @@ pub struct Reading {
     pub names: Option<Vec<String>>,
     /// The column that says which recording a row is of ([`Table::by_recording`]): the times need not be in order.
     pub recording: Option<String>,
+    /// Only to see whose the rows are: words are codes in columns that may say so ([`is_id`]), and missing in others. Text without
+    /// such a column is not read to its end.
+    pub whose: bool,
     /// Bytes that reading may take; `None`: what the machine has free.
     pub max_memory: Option<u64>,
 }
@@ -419,6 +422,8 @@ impl<'a> Rows<'a> {
         columns::check_names(&header, &format!("line {line}")).map_err(|reason| {
             check_stands(are_numbers(), (1, header.len())).err().unwrap_or_else(|| Complaint::from(reason))
         })?;
+        let may_say = |name: &String| is_id(name) || name == "x_0";
+        ensure(!reading.whose || header.iter().any(may_say), || "no column says whose a row is")?;
         let decimal_comma = separator != b',';
         let mut this = Self {
             body,
@@ -533,6 +538,7 @@ impl<'a> Rows<'a> {
                 }
                 match self.cells.number(cell) {
                     Ok(Some(value)) => numbers.push(value),
+                    Ok(None) if self.reading.whose && !is_id(&self.header[column]) => numbers.push(f64::NAN),
                     Ok(None) if self.cells.encode || self.tells_recordings(column) => {
                         return Ok(Pass::Words(column));
                     }

@@ -169,6 +169,18 @@ fn recordings_with_and_without_times_have_no_common_step_in_any_order() {
 }
 
 #[test]
+fn to_see_whose_rows_are_words_of_other_columns_are_not_kept() {
+    let look = Reading { encode: true, whose: true, ..Reading::default() };
+    let read = |text: &str| Table::parse(text.as_bytes(), &look).map_err(Complaint::reason);
+    let table = read("frame,ped_id,note,a\n0,anna,waits,1\n0,ben,,2\n1,anna,7,3\n").expect("reads");
+    assert_eq!(table.values.column(1).to_vec(), [0.0, 1.0, 0.0]);
+    assert!(table.values[[0, 2]].is_nan() && table.values[[2, 2]] == 7.0);
+    // Nothing to see, so its rows are not read: one has a cell too many.
+    let reason = read("a,note\n1,waits\n2,3,4\n").expect_err("nobody's");
+    assert_eq!(reason, "no column says whose a row is");
+}
+
+#[test]
 fn only_the_wanted_columns_are_read() {
     let wanted = ["h_dg".to_owned(), "h_v".to_owned()];
     let reading = Reading { columns: Some(wanted.to_vec()), ..Reading::default() };
