@@ -124,11 +124,10 @@ fn links(model: &Model) -> String {
     }
     let (mut rows, summary) = (String::new(), model.summary());
     for (place, link) in model.links.iter().enumerate() {
-        let is_it = |of: &&SummaryLink| {
-            (&of.cause, &of.effect, of.lag) == (&plain(&link.cause), &plain(&link.effect), link.lag)
-        };
+        let (cause, effect, lag) = (plain(&link.cause), plain(&link.effect), link.lag);
+        let is_it = |of: &&SummaryLink| (&of.cause, &of.effect, of.lag) == (&cause, &effect, lag);
         let sure = summary.links.iter().find(is_it).map_or("own past", |of| of.sure);
-        let (cause, effect, lag) = (escaped(&plain(&link.cause)), escaped(&plain(&link.effect)), link.lag);
+        let (cause, effect) = (escaped(&cause), escaped(&effect));
         let (strength, p) = (link.strength_in_words(3), escaped(&report::p_cell(model, link.p_value)));
         let (anchor, words) = (anchor(place), escaped(&report::sentence(model, link)));
         let _ = writeln!(
