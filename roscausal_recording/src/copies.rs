@@ -81,6 +81,10 @@ fn is_first_a_copy(first: &Path, second: &Path, (a_span, b_span): (Span, Span)) 
         if both_go_on && least > SOON && (shared as f64) < 0.5 * least as f64 {
             return None;
         }
+        // What one file has alone adds nothing to what they share.
+        if !both_go_on && (shared as f64) < SAME * least as f64 {
+            break;
+        }
     }
     if (shared as f64) < SAME * counted[0].min(counted[1]) as f64 || shared == 0 {
         return (shared > 0 && shared == overlapping).then_some((is_later, end));

@@ -321,7 +321,7 @@ impl Clocks {
             let (file, name, wrong) = (path.display(), &topic.name, mistakes.len());
             if wrong as f64 / count.max(1) as f64 > MOST_MISTAKEN {
                 let reason = format!(
-                    "{wrong} of {count} messages of {name} are stamped far from those around them, too many to leave them out; --clock \
+                    "{wrong} of {count} messages of {name} are stamped far from those around them or from the time of recording, too many to leave them out; --clock \
                      {name}=recording uses the time at which they were recorded instead"
                 );
                 return Err(Error::file(path, reason));

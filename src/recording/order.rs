@@ -37,6 +37,8 @@ const IN_TIME_S: f64 = 0.05;
 const OFTEN_S: f64 = 0.3;
 const INTERVALS: f64 = 2.0;
 const LONGEST_S: f64 = 6.0;
+/// So many messages wait at most: a clock that stands still would hold all that come.
+const MOST_WAITING: usize = 50_000;
 
 impl Lead {
     /// How late a message with this offset came, as far as that is made up for. Seconds.
@@ -121,7 +123,8 @@ impl<'a> InOrder<'a> {
     /// Whether all that could be earlier than the next one is known.
     fn is_ready(&self) -> bool {
         let Some(((due, _), _)) = self.waiting.first_key_value() else { return false };
-        self.newest.is_some_and(|newest| newest.secs_since(*due) >= self.most)
+        let is_due = self.newest.is_some_and(|newest| newest.secs_since(*due) >= self.most);
+        is_due || self.waiting.len() > MOST_WAITING
     }
 
     /// When a message came, by the clock of the stamps and by one that never goes back.
