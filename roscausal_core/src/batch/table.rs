@@ -212,7 +212,8 @@ impl fmt::Display for Note {
 /// # Errors
 /// A recording whose step differs by more than 1 % from that of one before it, or that has times where another has none.
 pub fn common_step<'a>(recordings: impl IntoIterator<Item = (&'a Path, &'a Table)>) -> Result<Option<f64>> {
-    let (mut known, mut first): (Option<(&Path, bool)>, Option<(&Path, f64)>) = (None, None);
+    let mut known: Option<(&Path, bool)> = None;
+    let mut first: Option<(&Path, f64)> = None;
     for (path, table) in recordings {
         let (other, timed) = *known.get_or_insert((path, table.time.is_some()));
         if timed != table.time.is_some() {
