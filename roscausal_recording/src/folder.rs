@@ -211,12 +211,11 @@ impl Source for Folder {
         let wanted: Vec<_> = topics.iter().map(|topic| wanted[*topic]).collect();
         let first = out.len();
         let loaded = source.load(&wanted, out);
-        let (own, copied): (Vec<Record>, Vec<Record>) =
-            out.drain(first..).partition(|record| Some(record.stamp) > *after);
-        out.extend(own);
-        for record in copied {
-            if let Some(Some(count)) = self.counts.get_mut(topics[record.topic]) {
-                *count = count.saturating_sub(1);
+        if let Some(after) = *after {
+            for record in out.extract_if(first.., |record| record.stamp <= after) {
+                if let Some(Some(count)) = self.counts.get_mut(topics[record.topic]) {
+                    *count = count.saturating_sub(1);
+                }
             }
         }
         for record in &mut out[first..] {
